@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,15 +84,19 @@ class TimedPath:
         """When the robot stops and drives on in the other gear, (n,) [s]."""
         # as complex numbers, for both coordinates are interpolated in the time of one
         self._places = self.poses[:, 0] + 1j * self.poses[:, 1]
-        self._headings, self._time_list = self.poses[:, 2].copy(), self.times.tolist()
-        self.duration = float(self.times[-1])
-        self.drive_end = float(self.times[-2])
-        """When the goal's position is reached, and the last turn begins [s]."""
-        self._back, self._ahead = LOCATE_BACK, LOCATE_AHEAD
-        self._turn_length = TURN_LENGTH
         self._grid_step = max(GRID_STEP, self.duration / GRID_POSES)
-        self._grid_times = np.append(np.arange(0.0, self.duration, self._grid_step), self.duration)
-        self._grid = self.at(self._grid_times) * (1.0, 1.0, self._turn_length)
+        times = np.append(np.arange(0.0, self.duration, self._grid_step), self.duration)
+        self._grid = self.at(times) * (1.0, 1.0, TURN_LENGTH)
+
+    @property
+    def duration(self) -> float:
+        """When its last pose is reached [s]."""
+        return float(self.times[-1])
+
+    @property
+    def drive_end(self) -> float:
+        """When the goal's position is reached, and the last turn begins [s]."""
+        return float(self.times[-2])
 
     @property
     def points(self) -> Array:
@@ -105,7 +108,7 @@ class TimedPath:
         poses = np.empty((len(times), 3))
         places = np.interp(times, self.times, self._places)
         poses[:, :2] = places.view(float).reshape(-1, 2)
-        poses[:, 2] = np.interp(times, self.times, self._headings)
+        poses[:, 2] = np.interp(times, self.times, self.poses[:, 2])
         return poses
 
     def times_after(self, place: float, later: Array) -> Array:
@@ -161,17 +164,17 @@ class TimedPath:
             The time on the path [s], and the distance from its pose there [m].
         """
         last = max(place, least)
-        begin = int(max(place - self._back, least) / self._grid_step)
+        begin = int(max(place - LOCATE_BACK, least) / self._grid_step)
         begin += len(self.cusps) > 0  # the pose before a change of gear is not on this leg
         begin = min(begin, len(self._grid) - 1)
-        end = int(min(last + self._ahead, self.leg_end(least)) / self._grid_step) + 2
+        end = int(min(last + LOCATE_AHEAD, self.leg_end(least)) / self._grid_step) + 2
         x, y, heading = pose.tolist()
         # next to the heading at the last place: the robot has not turned by half a circle since
-        before = self._grid.item(int(last / self._grid_step), 2) / self._turn_length
+        before = self._grid.item(int(last / self._grid_step), 2) / TURN_LENGTH
         heading -= math.tau * round((heading - before) / math.tau)
-        error = self._grid[begin:end] - (x, y, self._turn_length * heading)
+        error = self._grid[begin:end] - (x, y, TURN_LENGTH * heading)
         nearest = int(np.einsum("ni,ni->n", error, error).argmin())
-        found = float(self._grid_times[begin + nearest])
+        found = min((begin + nearest) * self._grid_step, self.duration)
         return found, math.hypot(error.item(nearest, 0), error.item(nearest, 1))
 
     def route(self, pose: Array, place: float, lost: float) -> Route:
@@ -183,10 +186,9 @@ class TimedPath:
 
     def heading_at(self, time: float) -> float:
         """Heading [rad] at a time [s]."""
-        # one number: plain floats are faster than NumPy
-        after = min(max(bisect_right(self._time_list, time), 1), len(self._time_list) - 1)
-        begin, end = self._time_list[after - 1], self._time_list[after]
-        before, turned = self._headings.item(after - 1), self._headings.item(after)
+        after = min(max(int(self.times.searchsorted(time, "right")), 1), len(self.times) - 1)
+        begin, end = self.times.item(after - 1), self.times.item(after)
+        before, turned = self.poses.item(after - 1, 2), self.poses.item(after, 2)
         share = min(max((time - begin) / (end - begin), 0.0), 1.0)
         return float(before + share * (turned - before))
 
