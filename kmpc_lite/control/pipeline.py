@@ -104,7 +104,11 @@ class Pipeline:
         """Place the robot among what is around it."""
         seen.place(self.scene, state.scene)
         self._watching.look(state, seen, known)
-        self._answers.events.drift(state.innovation.drifting)
+        innovation, period = state.innovation, state.history.driven
+        if known.margins is not None and innovation.error is not None and period is not None:
+            errors, heading = known.margins.expected_errors, float(period.pose[2])
+            errors.judge(innovation, innovation.error, heading, period.command)
+        self._answers.events.drift(innovation.drifting)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Note what was really sent in the command history; bring an old pose forward.
@@ -234,7 +238,7 @@ class Pipeline:
         """Send the first command of a verified plan."""
         trajectory, motion = verified.trajectory, verified.motion
         assert trajectory is not None and motion is not None
-        state.history.remember(trajectory.inputs[0], motion)
+        state.history.remember(trajectory.inputs[0], motion, planned=True)
         states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
         reason, reachable, progress = verified.reason, True, GoalProgress.DRIVING

@@ -74,8 +74,8 @@ class Watching:
             self._look_out(state, seen)
             self._find_walkers(state, seen)
         noise, found = known.margins.noise, state.innovation
-        errors, size = noise.expected_errors, noise.pose_errors
-        instead = self._innovation.see(found, state.history, known.model, errors, size, pose)
+        size = noise.pose_errors
+        instead = self._innovation.see(found, state.history, known.model, size, pose)
         if instead is not None:
             # circles that are seen from a pose that jumped have jumped, too
             self._motion.forget(state.circles)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,8 @@ class DrivenPeriod:
     """(2,) that was held during it."""
     earlier: Array
     """(L, 2) commands before it, oldest first."""
+    planned: bool
+    """Whether a plan was driven."""
 
 
 @dataclass(slots=True)
@@ -86,12 +88,12 @@ class CommandHistory:
         """What is left of the motion (T, 2) after the command sent last; none after its end."""
         return None if self.motion is None or len(self.motion) < 2 else self.motion[1:].copy()
 
-    def remember(self, command: Array, motion: Array | None = None) -> None:
+    def remember(self, command: Array, motion: Array | None = None, planned: bool = False) -> None:
         """Take in the command (2,) that is sent now, and the motion (T, 2) that it begins."""
         self.command, self.motion, self.driven = command.copy(), motion, None
         self._see_curvature()
         if self.measured is not None:
-            self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy())
+            self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy(), planned)
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[:-1] = earlier[1:]
@@ -113,7 +115,7 @@ class CommandHistory:
             if len(earlier):
                 earlier[-1] = command
         if self.driven is not None:
-            self.driven = DrivenPeriod(self.driven.pose, command.copy(), self.driven.earlier)
+            self.driven = replace(self.driven, command=command.copy())
 
 
 def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Array:

@@ -43,10 +43,12 @@ for an unknown one."""
 JUDGED_STEP = 1 / 30
 """Innovations are judged only of periods that drive at least this far [radii]."""
 TOLERATED_STEP, TOLERATED_STEP_SHARE = 1 / 150, 0.02
-"""Error of the position in a period that every model may have [radii], and as a share of what is
+"""Error of the position that every model may have in a period [radii], and as a share of what is
 driven."""
+LONG_PERIOD = 0.25
+"""Period [s] beyond which that error grows in proportion, as the noise of a floor does."""
 TOLERATED_TURN, TOLERATED_TURN_SHARE = 5e-3, 0.05
-"""The same of the heading [rad], and as a share of the turn."""
+"""Error of the heading in any period [rad], and as a share of the turn."""
 USUAL_SPEED = 2 / 3
 """Share of the fastest speed at which tolerated errors are taken to have been made."""
 TURN_SLIP = 2.5
@@ -62,6 +64,8 @@ NOTHING = 0.0, 0.0
 class InnovationState:
     """What is remembered of past innovations. Pairs are a position's and a heading's."""
 
+    error: Array | None = None
+    """(3,) measured less predicted pose after a plan's period; none if that tells nothing."""
     level: float = 1.0
     """Fading mean of their squares, each as a multiple of what the model expects."""
     ahead: float = 0.0
@@ -116,7 +120,8 @@ class ExpectedErrors:
         self._attack, self._release = (
             newest_weight(time, model.dt, FADING_PERIOD) for time in (ATTACK_TIME, RELEASE_TIME)
         )
-        self._judged_step, self._step = JUDGED_STEP * unit, TOLERATED_STEP * unit
+        longer = max(1.0, model.dt / LONG_PERIOD)
+        self._judged_step, self._step = JUDGED_STEP * unit, longer * TOLERATED_STEP * unit
         self._by_command = _entries(tube, tube.white + tube.lasting)
         # a fading sum of errors that last has so many times the variance of one of white ones
         lasting = (1.0 + DRIFT_FADING) / (1.0 - DRIFT_FADING) * tube.lasting
@@ -221,7 +226,6 @@ class Innovation:
         state: InnovationState,
         history: CommandHistory,
         model: MotionModel,
-        errors: ExpectedErrors,
         noise: tuple[float, float],
         pose: Array | None,
     ) -> Array | None:
@@ -236,8 +240,6 @@ class Innovation:
             or is lost; remembers the pose.
         model : MotionModel
             Predicts.
-        errors : ExpectedErrors
-            Of that model: judges.
         noise : tuple of float
             What measured poses add in position [m] and heading [rad].
         pose : ndarray, optional
@@ -249,7 +251,7 @@ class Innovation:
             (3,) the predicted pose; None if the measured one is believed.
         """
         before, doubted = history.driven, state.believed is not None
-        history.measured, state.elsewhere = pose, False
+        history.measured, state.error, state.elsewhere = pose, None, False
         if before is None:
             # nobody knows what was sent, or where the robot was
             _give_up(state)
@@ -276,8 +278,8 @@ class Innovation:
         bounds = self._bounds(noise, unseen)
         agrees = _within(size, bounds)
         if not doubted and (agrees or not self._options.agreement):
-            if was_seen:
-                errors.judge(state, pose - step, float(before.pose[2]), before.command)
+            if was_seen and before.planned:
+                state.error = pose - step
             return None
         # what happens from pose to pose then tells nothing of the floor
         history.driven = None

@@ -76,6 +76,6 @@ def test_a_model_that_drifts_out_of_all_numbers_is_not_followed(pose: Array | No
         state.believed = np.zeros(3)
     history.remember(np.zeros(2))
     runaway = SimpleNamespace(predict=lambda *_: np.full(3, np.inf))
-    errors, noise = margins.expected_errors, margins.noise.pose_errors
-    assert innovation.see(state, history, runaway, errors, noise, pose) is None
+    noise = margins.noise.pose_errors
+    assert innovation.see(state, history, runaway, noise, pose) is None
     assert state.believed is None and history.measured is pose
