@@ -9,8 +9,7 @@ from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.units import scaled_problem
-from kmpc_lite.control.weights import with_goal_weights, with_tracking_weights
+from kmpc_lite.control.units import scaled_problem, with_goal_weights, with_tracking_weights
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, in_units
 from kmpc_lite.scale import Scale

@@ -18,6 +18,7 @@ from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.knowledge import Knowledge
+from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.task import SQPResult, Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
@@ -26,7 +27,6 @@ from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.control.standstill import StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock

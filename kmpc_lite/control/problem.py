@@ -52,7 +52,7 @@ class NavigationProblem:
     Q, R : array_like, optional
         Weights of state (3,) and command (2,), or full positive semidefinite matrices. With
         guidance the state's weigh the distance from the guided reference. Where not given they are
-        the default of the controller's mode (`kmpc_lite.control.weights`): without guidance the
+        the default of the controller's mode (`kmpc_lite.control.units`): without guidance the
         paper's.
     Q_terminal : array_like, optional
         Weight of the last state. With guidance it counts by the share of the plan that is at the

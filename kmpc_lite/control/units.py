@@ -1,12 +1,68 @@
-"""A problem in the robot's own units; see `kmpc_lite.scale`."""
+"""A problem in the robot's own units (`kmpc_lite.scale`), and its weights where it gives none."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
-from kmpc_lite.control.problem import NavigationProblem
+import numpy as np
+
+from kmpc_lite.control.options import fastest
+from kmpc_lite.control.problem import GOAL_Q, GOAL_R, NavigationProblem
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import Array
+from kmpc_lite.types import STATES, Array
+
+TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
+"""Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
+end."""
+CORRECTION_TURNS = 2.0
+"""How many full turns' time an error is taken to last that the robot comes to its goal with. It
+cannot move sideways: it turns aside, drives, turns back, and may have to do that again. Half and
+twice as much time arrive about as soon."""
+
+
+def with_goal_weights(problem: NavigationProblem) -> NavigationProblem:
+    """Return the problem with the paper's weights where it gives none: of the goal itself."""
+    return _filled(problem, GOAL_Q, GOAL_R, np.zeros((STATES, STATES)))
+
+
+def with_tracking_weights(
+    problem: NavigationProblem, gains: tuple[float, float] = (1.0, 1.0)
+) -> NavigationProblem:
+    """Return the problem with the weights of a guided reference where it gives none.
+
+    What a plan leaves at the goal costs as much as it would for all the time that it takes to make
+    it good: `Q_terminal` is Q for so many periods. A quadratic cost of the way alone arrives beside
+    the goal (Müller and Worthmann 2017, "Quadratic costs do not always work in MPC").
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        In the robot's units.
+    gains : tuple, optional
+        Speed and rate of turn that a robot reaches, as shares of what it is told: what is weighed
+        is the motion, and a robot that turns by a third of what it is told needs three times the
+        command for it.
+    """
+    q = np.diag(TRACKING_Q) if problem.Q is None else problem.Q
+    r = TRACKING_R[0] * gains[0] ** 2, TRACKING_R[1] * gains[1] ** 2
+    turn_rate = gains[1] * fastest(problem)[1]
+    periods = CORRECTION_TURNS * math.tau / turn_rate / problem.dt
+    return _filled(problem, q, r, periods * q)
+
+
+def _filled(
+    problem: NavigationProblem, q: object, r: tuple[float, ...], terminal: object
+) -> NavigationProblem:
+    # sideways as ahead
+    between = [r[0]] * (len(problem.u_min) - len(r))
+    r = (r[0], *between, *r[1:])
+    return replace(
+        problem,
+        Q=q if problem.Q is None else problem.Q,
+        R=r if problem.R is None else problem.R,
+        Q_terminal=terminal if problem.Q_terminal is None else problem.Q_terminal,
+    )
 
 
 def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProblem:

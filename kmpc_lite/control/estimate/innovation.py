@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.control.estimate.history import CommandHistory
+from kmpc_lite.control.lately import newest_weight
 from kmpc_lite.control.options import PoseOptions, fastest, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.running_mean import newest_weight
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import TubeNoise, tube_noise

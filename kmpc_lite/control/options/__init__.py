@@ -7,17 +7,20 @@ the clock where sensors set the pace (`clock_seconds`).
 """
 
 from kmpc_lite.adaptation.options import AdaptationOptions
+from kmpc_lite.control.options.control import (
+    MarginOptions,
+    OSQPOptions,
+    PoseOptions,
+    SolverOptions,
+    StepOptions,
+    StopOptions,
+)
 from kmpc_lite.control.options.controller import ControllerOptions
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
-from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.moving_obstacles import MovingObstacleOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
-from kmpc_lite.control.options.pose import PoseOptions
 from kmpc_lite.control.options.sight import SightOptions
-from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
-from kmpc_lite.control.options.step import StepOptions
-from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.options.units import fastest, unit_length
 from kmpc_lite.option_fields import lengths_from_radii

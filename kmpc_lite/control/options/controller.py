@@ -8,16 +8,18 @@ from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from kmpc_lite.adaptation.options import AdaptationOptions
+from kmpc_lite.control.options.control import (
+    MarginOptions,
+    PoseOptions,
+    SolverOptions,
+    StepOptions,
+    StopOptions,
+)
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
-from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.moving_obstacles import MovingObstacleOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
-from kmpc_lite.control.options.pose import PoseOptions
 from kmpc_lite.control.options.sight import SightOptions
-from kmpc_lite.control.options.solver import SolverOptions
-from kmpc_lite.control.options.step import StepOptions
-from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
 from kmpc_lite.option_fields import GONE, check, group

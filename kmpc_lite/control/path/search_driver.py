@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import VELOCITY
+from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.lattice import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
@@ -18,7 +19,6 @@ from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from, swing
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
 

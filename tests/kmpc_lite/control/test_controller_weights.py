@@ -11,7 +11,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.problem import GOAL_Q, GOAL_R
-from kmpc_lite.control.weights import (
+from kmpc_lite.control.units import (
     TRACKING_Q,
     TRACKING_R,
     with_goal_weights,

@@ -10,8 +10,7 @@ import pytest
 from wary import PROBLEM, Wary
 
 import kmpc_lite as kl
-from kmpc_lite.control.margins.model_noise import ModelNoise
-from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
+from kmpc_lite.control.margins.model_noise import ModelNoise, default_quantile, model_quantile
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel

@@ -16,7 +16,7 @@ from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest
 from kmpc_lite.control.options import OSQPOptions, SolverOptions
-from kmpc_lite.control.weights import with_goal_weights
+from kmpc_lite.control.units import with_goal_weights
 
 MODEL = kl.nominal_unicycle(0.1)
 PROBLEM = with_goal_weights(kl.NavigationProblem())

@@ -17,7 +17,7 @@ from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
-from kmpc_lite.control.weights import with_goal_weights
+from kmpc_lite.control.units import with_goal_weights
 
 COPIES = [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
 PROBLEM = with_goal_weights(kl.NavigationProblem())

@@ -16,7 +16,7 @@ from kmpc_lite.control.path.capabilities import clearance_at_speed
 from kmpc_lite.control.path.progress import ProgressState
 from kmpc_lite.control.path.turning_centre import turning_centre
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.weights import with_goal_weights
+from kmpc_lite.control.units import with_goal_weights
 
 PROBLEM = kl.NavigationProblem()
 GUIDANCE = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
