@@ -45,8 +45,8 @@ FAR_TURN = 0.6
 """Turn in a period [rad] from which on QPs are solved thoroughly: stopped early, they let a robot
 that drives far in a period cut into what it passes."""
 THOROUGH = 5
-"""Times the iterations for such robots, and for models with input history: what the robot still
-does of past commands it cannot take back, and multipliers become large."""
+"""Times the iterations for such robots, and for those with input history or limited changes: what
+the robot still does of past commands it cannot take back, and multipliers become large."""
 CONVERGED = OSQPOptions(
     tolerance=1e-7, max_iter=4000, alpha=1.6, adaptive_rho=True, scaling=10, check_termination=25
 )
@@ -117,7 +117,7 @@ class SQP:
         settings = options.real_time
         if iterations > 1:
             settings = CONVERGED
-        elif history or turns_far:
+        elif history or turns_far or problem.limits_changes:
             longest = settings.max_iter
             settings = replace(
                 settings,
