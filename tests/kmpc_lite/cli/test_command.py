@@ -93,7 +93,7 @@ def test_help_and_version_import_nothing_heavy() -> None:
             examples = re.findall(r"^  kmpc (.*)$", out.partition("example:")[2], re.MULTILINE)
             assert examples, line
             for example in examples:
-                words = re.split(r"\s+[#>]\s", example)[0].split()
+                words = re.split(r"\s+(?:[#>]|&&)\s", example)[0].split()
                 assert build_parser(known_commands(), words).parse_args(words).run
 
 
