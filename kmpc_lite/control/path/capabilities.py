@@ -41,10 +41,6 @@ class Capabilities:
     """(2,) speed [m/s] and rate of turn [rad/s] at which paths are timed forwards."""
     backward: Array
     """(2,) the same backwards; no speed where the robot may not."""
-    evasive: Array
-    """(2,) the same on evasive arcs, which are driven in either direction."""
-    backward_share: float
-    """Speed backwards as a share of the speed forwards."""
     turning_centre: Array | None
     """(2,) point about which the robot turns, ahead and to the left of its tracked pose [m]; none:
     the pose itself."""
@@ -62,14 +58,13 @@ class Capabilities:
 
     def with_speeds(self, speeds: Array, turn_share: float) -> Capabilities:
         """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
-        forward, backward, evasive, backward_share = _timing(speeds, turn_share)
-        return replace(
-            self,
-            forward=forward,
-            backward=backward,
-            evasive=evasive,
-            backward_share=backward_share,
-        )
+        forward, backward = _timing(speeds, turn_share)
+        return replace(self, forward=forward, backward=backward)
+
+    @property
+    def evasive(self) -> Array:
+        """Speeds (2,) on evasive arcs, which are driven in either direction: the slower counts."""
+        return self.backward if 0.0 < self.backward[0] < self.forward[0] else self.forward
 
 
 def capabilities(
@@ -101,12 +96,8 @@ def capabilities(
         clearance_at_speed(problem, margins) if margins is not None and model.history else 0.0
     )
     speeds = drivable_speeds(model, problem)
-    forward, backward, evasive, backward_share = _timing(speeds, options.turn_share)
     return Capabilities(
-        forward,
-        backward,
-        evasive,
-        backward_share,
+        *_timing(speeds, options.turn_share),
         turning_centre(model, problem),
         goal_tolerances(model, goal_options, problem.goal_tolerance),
         clearance,
@@ -127,14 +118,11 @@ def _wheels(problem: NavigationProblem, turn_rate: float) -> tuple[float, float]
     return half, problem.max_wheel_speed
 
 
-def _timing(speeds: Array, turn_share: float) -> tuple[Array, Array, Array, float]:
-    """Give the speeds forwards, backwards, on evasive arcs (2,) each, and the backward share."""
+def _timing(speeds: Array, turn_share: float) -> tuple[Array, Array]:
+    """Give speed and rate of turn (2,) forwards, and backwards."""
     ahead, back, turn = speeds.tolist()
-    ahead, turn = max(ahead, ROUNDING), turn_share * max(turn, ROUNDING)
-    forward, backward = np.array([ahead, turn]), np.array([back, turn])
-    # the slower direction counts
-    evasive = backward if 0.0 < back < ahead else forward
-    return forward, backward, evasive, back / ahead
+    turn = turn_share * max(turn, ROUNDING)
+    return np.array([max(ahead, ROUNDING), turn]), np.array([back, turn])
 
 
 def drivable_speeds(model: MotionModel, problem: NavigationProblem) -> Array:

@@ -106,8 +106,6 @@ class PathRequest:
     """(2,) speed [m/s] and rate of turn [rad/s] ahead."""
     backward: Array
     """(2,) the same backwards; no speed where the robot may not."""
-    backward_share: float = 1.0
-    """Speed backwards as a share of the speed ahead."""
     clearance: float = 0.0
     """Clearance beyond `inflation` that full speed needs [m]."""
     known: Known | None = None
@@ -124,6 +122,11 @@ class PathRequest:
     """Whether the path is needed at once, whatever a step takes."""
     unit: float = 1.0
     """One unit of the solids' lengths [m]."""
+
+    @property
+    def backward_share(self) -> float:
+        """Speed backwards as a share of the speed ahead."""
+        return float(self.backward[0]) / float(self.forward[0])
 
     def distances(self, points: Array) -> Array:
         """Distances (n,) of points (n, 2) from the nearest circle or solid [m]; inside below 0."""

@@ -109,7 +109,6 @@ class SearchDriver:
             area=self._area,
             forward=can.forward,
             backward=can.backward,
-            backward_share=can.backward_share,
             clearance=can.clearance,
             known=known,
             driven=driven,

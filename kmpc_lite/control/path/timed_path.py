@@ -84,19 +84,12 @@ class TimedPath:
         """When the robot stops and drives on in the other gear, (n,) [s]."""
         # as complex numbers, for both coordinates are interpolated in the time of one
         self._places = self.poses[:, 0] + 1j * self.poses[:, 1]
+        self.duration = float(self.times[-1])
+        self.drive_end = float(self.times[-2])
+        """When the goal's position is reached, and the last turn begins [s]."""
         self._grid_step = max(GRID_STEP, self.duration / GRID_POSES)
         times = np.append(np.arange(0.0, self.duration, self._grid_step), self.duration)
         self._grid = self.at(times) * (1.0, 1.0, TURN_LENGTH)
-
-    @property
-    def duration(self) -> float:
-        """When its last pose is reached [s]."""
-        return float(self.times[-1])
-
-    @property
-    def drive_end(self) -> float:
-        """When the goal's position is reached, and the last turn begins [s]."""
-        return float(self.times[-2])
 
     @property
     def points(self) -> Array:
