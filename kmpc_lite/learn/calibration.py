@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil
 
 import numpy as np
 
@@ -109,49 +108,6 @@ def conformal_quantile(values: Array, risk: float) -> float:
         raise DataError(f"risk: expected a probability between 0 and 1, got {risk!r}")
     rank = int(np.ceil((len(values) + 1) * (1.0 - risk) - 1e-9))
     return float(np.partition(values, rank - 1)[rank - 1]) if rank <= len(values) else float("inf")
-
-
-def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
-    """Quantile that scales the model's covariance to a promise kept on held-out drives.
-
-    Parameters
-    ----------
-    model : KoopmanModel
-        With a noise model.
-    held_out : Dataset
-        Drives that it was not fitted to.
-    risk : float
-        Probability that a robot leaves the ellipses within the memory of the tube.
-
-    Returns
-    -------
-    float
-        Factor of the standard deviation.
-
-    Raises
-    ------
-    DataError
-        For too few windows for that risk: ``1 / risk - 1`` are needed.
-
-    Examples
-    --------
-    >>> from kmpc_lab import DifferentialDrive, generate_dataset
-    >>> from kmpc_lite import fit
-    >>> data = generate_dataset(DifferentialDrive(slip=0.1), episodes=40, steps=100, dt=0.1, seed=0)
-    >>> train, held_out = data.split(0.5)
-    >>> 3.0 < calibrate(fit(train), held_out, risk=0.05) < 5.0
-    True
-    """
-    values = scores(model, held_out)
-    bound = conformal_quantile(values, risk)
-    if not np.isfinite(bound):
-        steps = tube_memory(model)
-        raise DataError(
-            f"{len(values)} held-out windows of {steps} steps are too few for a risk of "
-            f"{risk:g}: "
-            f"{ceil(1 / risk - 1 - 1e-9)} are needed"
-        )
-    return bound
 
 
 def with_quantiles(

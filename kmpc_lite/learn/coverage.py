@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.stopping import STANDING, find_stops
 from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.types import Array
@@ -193,9 +192,3 @@ def _seconds_of(v: Array, omega: Array, dt: float, reverses: bool) -> list[Part]
         )
     )
     return parts
-
-
-def find_gaps(*datasets: Dataset) -> list[str]:
-    """What the log of one robot does not show, one line each; its parts share one period."""
-    stretches = [e.inputs for dataset in datasets for e in dataset.episodes]
-    return find_coverage(stretches, datasets[0].dt).warnings()

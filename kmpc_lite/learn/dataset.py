@@ -177,6 +177,11 @@ class Dataset:
         """Number of steps over all episodes."""
         return sum(len(e) for e in self.episodes)
 
+    @property
+    def inputs(self) -> Array:
+        """Commands of all episodes, one after another, (n, 2)."""
+        return np.concatenate([e.inputs for e in self.episodes])
+
     def split(self, fraction: float = 0.5, seed: int = 0) -> tuple[Dataset, Dataset]:
         """Split by whole episodes, at random: `fraction` of them first, the rest second.
 

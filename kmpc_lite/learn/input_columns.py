@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.types import Array
 
 SAME = 2e-4
@@ -68,8 +69,7 @@ def tell_inputs(dataset: Dataset, delay: float) -> str:
 
 def find_shares(dataset: Dataset) -> Shares | None:
     """Look at the values of the inputs; None where too few of them differ."""
-    every = np.concatenate([e.inputs for e in dataset.episodes])
-    largest = np.maximum(np.quantile(np.abs(every), 0.995, axis=0), 1e-9)
+    largest = np.array(largest_speeds(dataset))
     least = max(HOLD_ROWS, round(HOLD / dataset.dt))
     held = rows = steady = changes = 0
     pairs = []

@@ -34,7 +34,7 @@ SHOWN = 0.5
 def describe_making(
     model: KoopmanModel,
     logs: Sequence[Path],
-    *datasets: Dataset,
+    data: Dataset,
     vehicle: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Values for a model's `info`, which JSON can hold.
@@ -45,16 +45,15 @@ def describe_making(
         What was learned.
     logs : sequence of Path
         From which files.
-    datasets : Dataset
-        Parts of the log, those included that the model was checked on.
+    data : Dataset
+        The whole log, with what the model was checked on.
     vehicle : mapping, optional
         What the log, or the user, says of the vehicle.
     """
-    stopping = measure_stopping(model, *datasets).as_dict()
     made: dict[str, Any] = {
         "log": [str(file) for file in logs],
-        "driven": driven_speeds(*datasets),
-        "stopping": stopping,
+        "driven": driven_speeds(data),
+        "stopping": measure_stopping(model, data).as_dict(),
     }
     return {**made, "vehicle": dict(vehicle)} if vehicle else made
 
@@ -98,15 +97,14 @@ def _limits(info: Mapping[str, Any], name: str) -> str:
     return "; ".join(told)
 
 
-def driven_speeds(*datasets: Dataset) -> dict[str, float]:
+def driven_speeds(data: Dataset) -> dict[str, float]:
     """Largest speeds forward and back [m/s] and turn rate [rad/s] that a log shows for a while."""
-    inputs = np.concatenate([e.inputs for dataset in datasets for e in dataset.episodes])
-    rows = min(len(inputs), max(1, ceil(SHOWN / datasets[0].dt)))
+    rows = min(data.steps, max(1, ceil(SHOWN / data.dt)))
 
     def held(values: Any) -> float:
         return max(0.0, float(np.sort(values)[-rows]))
 
-    v, omega = inputs.T
+    v, omega = data.inputs.T
     return {"forward": held(v), "reverse": held(-v), "turn": held(np.abs(omega))}
 
 

@@ -214,26 +214,25 @@ class Stopping:
         return speed * self.delay + speed**2 / (2.0 * self.deceleration)
 
 
-def measure_stopping(model: KoopmanModel, *datasets: Dataset) -> Stopping:
+def measure_stopping(model: KoopmanModel, log: Dataset) -> Stopping:
     """Measure delay and deceleration of the robot in a log.
 
     Parameters
     ----------
     model : KoopmanModel
         Learned from the log: what it predicts of a stop is the lag's share of the way.
-    datasets : Dataset
-        The log's parts.
+    log : Dataset
+        All of it, those parts included that the model was not fitted to.
     """
-    episodes = [e for dataset in datasets for e in dataset.episodes]
-    largest = max(largest_speeds(dataset)[0] for dataset in datasets)
+    largest, _ = largest_speeds(log)
     told, beyond, energy = [], [], []
-    for episode in episodes:
+    for episode in log.episodes:
         for stop in find_stops(episode.inputs[:, 0], episode.dt, largest):
             if stop.begin > model.history:
                 told.append(_told_deceleration(episode, stop))
                 beyond.append(_farther_than_predicted(model, episode, stop))
                 energy.append(0.5 * episode.inputs[stop.begin - 1, 0] ** 2)
-    delay = _delay(model, Dataset(episodes))
+    delay = _delay(model, log)
     if len(told) < FEWEST:
         return Stopping(delay, len(told), None)
     slowness = 1.0 / float(np.median(told))

@@ -210,7 +210,7 @@ def squared_errors(moment: Array, weights: Array) -> Array:
 
 def largest_speeds(dataset: Dataset) -> tuple[float, float]:
     """Largest |v| and |omega| of a log's inputs, as `largest_inputs` gives them."""
-    return largest_inputs(np.concatenate([e.inputs for e in dataset.episodes]))
+    return largest_inputs(dataset.inputs)
 
 
 def largest_inputs(inputs: Array) -> tuple[float, float]:

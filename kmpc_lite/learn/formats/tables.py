@@ -37,7 +37,6 @@ from kmpc_lite.learn.logs import (
 )
 from kmpc_lite.types import Array
 
-ENDINGS = (".csv", ".npz", ".tsv", ".txt", ".tum")
 WRITTEN = (".csv", ".npz")
 MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
 """Most memory that an npz log may take [bytes]."""

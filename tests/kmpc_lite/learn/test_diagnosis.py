@@ -13,7 +13,7 @@ from valid_logs import valid
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.learn.checks.checklist import refuse_car_like
-from kmpc_lite.learn.coverage import find_gaps
+from kmpc_lite.learn.coverage import find_coverage
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.fit_summary import format_summary, summarize_fit, warn_of_errors
@@ -23,6 +23,10 @@ from kmpc_lite.learn.responses import AT_ONCE
 NOISE = np.array([0.005, 0.005, 0.01])
 MOSTLY_HELD = LearningOptions(holdout=0.8, seed=1)
 Change = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def find_gaps(data: kl.Dataset) -> list[str]:
+    return find_coverage([e.inputs for e in data.episodes], data.dt).warnings()
 
 
 def log(
