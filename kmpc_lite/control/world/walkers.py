@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.world.clusters import GAP, clusters
-from kmpc_lite.control.world.scan import LaserScan
+from kmpc_lite.control.world.scan import LaserScan, beams
 from kmpc_lite.control.world.sight.local_map import LocalMap
 from kmpc_lite.control.world.tracks import Follower, Tracks
-from kmpc_lite.geometry import rotate, wrap
+from kmpc_lite.geometry import rotate
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED, Scale
 from kmpc_lite.types import Array
 
@@ -106,8 +106,8 @@ def _has_left(
     heading, away = float(pose[2]), before - pose[:2]
     x, y = rotate(away[:, 0], away[:, 1], -heading)
     x, y = x - scan.mount[0], y - scan.mount[1]
-    aside = wrap(scan.directions[told][None] - np.arctan2(y, x)[:, None])
-    beam = told[np.abs(aside).argmin(axis=1)]
+    along = beams(*scan.layout)[1].take(told, axis=0)
+    beam = told[(along @ np.stack([x, y])).argmax(axis=0)]
     distance = np.hypot(x, y)
     passed = scan.reach[beam] > distance + rows[:, 2]
     # who comes nearer hides where he was: the beam ends at himself, well before that place
