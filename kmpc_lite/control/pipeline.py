@@ -210,6 +210,7 @@ class Pipeline:
             swerve_time=self._options.stop.swerve_time,
             known=math.inf if known_range is None else known_range + self._problem.body_radius,
             emerging_speed=self._emerging_speed,
+            unknown=seen.view.unknown if seen.view and self._emerging_speed else None,
             kernels=self._kernels,
         )
         task = MotionTask(

@@ -124,6 +124,5 @@ class Watching:
         moving = seen.things[seen.things[:, VELOCITY].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:
-            speed = float(state.history.command[0])
-            seen.view = self._sight.view(state.seen, seen.here, speed)
+            seen.view = self._sight.view(state.seen, seen.here)
             seen.nearby = seen.view.around(seen.nearby)

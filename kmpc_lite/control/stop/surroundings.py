@@ -44,6 +44,8 @@ class Surroundings:
     """How far from the middles of the robot's circles everything is known [m]."""
     emerging_speed: float = 0.0
     """At which something may come out of what is not known [m/s]."""
+    unknown: Nearby | None = None
+    """What scans have not shown to be free, where something may come out of it."""
     kernels: Kernels = NUMPY
     """Measure distances."""
 
@@ -75,13 +77,15 @@ class Surroundings:
     @property
     def may_turn(self) -> Array:
         """Which of the things that `clearance` measures may turn towards the robot, (K,)."""
-        after = (1 if self.nearby else 0) + (1 if self.known < math.inf else 0)
+        after = bool(self.nearby) + (self.known < math.inf) + bool(self.unknown)
         return np.repeat((False, True, False), (len(self.things), len(self.turning), after))
 
     def fastest(self) -> float:
         """Largest speed at which anything may come nearer [m/s]."""
         walking = self.turning[:, SPREAD_RATE].max(initial=0.0)
-        return float(max(walking, self.emerging_speed if self.known < math.inf else 0.0))
+        return float(
+            max(walking, self.emerging_speed if self.unknown or self.known < math.inf else 0.0)
+        )
 
     def clearance(self, points: Array, times: Array, here: Array) -> Array:
         """Distances from points to the edges of all things.
@@ -112,6 +116,10 @@ class Surroundings:
             left = self.known - self.emerging_speed * times
             away = np.hypot(*np.moveaxis(points - here, -1, 0))
             found.append((left[:, None] - away)[..., None])
+        if self.unknown:
+            least = self.unknown.least(np.ascontiguousarray(points.reshape(-1, 2)))
+            least = least.reshape(*points.shape[:3], 1) - self.emerging_speed * times[:, None, None]
+            found.append(least)
         return np.concatenate(found, axis=-1)
 
     def slopes(self, here: Array, pose: Array, step: float) -> Array:

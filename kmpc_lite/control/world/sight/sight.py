@@ -77,7 +77,6 @@ class Sight:
             self._core = problem.footprint.core_radius
         self._area = problem.x_min[:2], problem.x_max[:2]
         self._emerging = options.emerging_speed / scale.speed
-        self._deceleration = float(problem.deceleration[0])
 
     def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
         """Scans in which hits within the robot are not told: its mast, its arm."""
@@ -139,27 +138,25 @@ class Sight:
         self._stand(here, pose, self._radius + begins * around)
         return here
 
-    def view(self, here: LocalMap, pose: Array, speed: float) -> View:
-        """What is known around a robot at a pose (3,) with a speed."""
-        return View(self, here, pose, speed)
+    def view(self, here: LocalMap, pose: Array) -> View:
+        """What is known around a robot at a pose (3,)."""
+        return View(self, here, pose)
 
-    def seen(self, here: LocalMap, pose: Array, speed: float) -> Seen:
-        """What a robot at a pose (3,) with a speed must not drive into."""
+    def seen(self, here: LocalMap, pose: Array) -> Seen:
+        """What a robot at a pose (3,) must not drive into."""
         window = here.window(pose[:2], self._reach)
         rows, columns = window
         state = here.state[window]
         low, high = here.boxes(here.occupied(window))
         unknown = state == UNKNOWN
-        grow = 0.0
         if self._emerging > 0.0:
-            # somebody may come out of what is not seen now, until the robot stands
+            # something may come out of what is not seen now
             unknown = unknown | ((state == 0) & (here.seen[window] < here.clock - self._dt))
             unknown &= self._distance(here, window, pose) > self._radius + here.cell
-            grow = self._emerging * (self._dt + abs(speed) / self._deceleration)
         left, bottom = columns.start + here.column, rows.start + here.row
         sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
         # a wall is told by few half-planes, noise and all
-        dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, here.cell)
+        dark = _boxes(sides[:, :2], sides[:, 2:], here.cell)
         return Seen(_boxes(low, high, here.cell), dark)
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:

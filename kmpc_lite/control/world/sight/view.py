@@ -30,21 +30,20 @@ class View:
         What was seen.
     pose : ndarray
         (3,) of the robot.
-    speed : float
-        Of the command sent last.
     """
 
-    def __init__(self, sight: Sight, here: LocalMap, pose: Array, speed: float) -> None:
+    def __init__(self, sight: Sight, here: LocalMap, pose: Array) -> None:
         self._sight, self._map, self._pose = sight, here, pose
         self._outlooks = Outlooks(here.outlooks[:, :4])
         self.is_narrow = self._outlooks.is_narrow
         """Whether there are directions in which no scanner looks."""
-        self._seen = sight.seen(here, pose, speed)
+        self._seen = sight.seen(here, pose)
         self.hits: Nearby | None = None
         """What was hit near the robot; none where nothing was."""
         if self._seen.hits:
             self.hits = NOTHING.with_boxes(self._seen.hits)
-        self._unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
+        self.unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
+        """What was not seen to be free near the robot; none where all was."""
         self.coarseness = math.sqrt(2.0) * here.cell
         """How far cells may stand out of what was hit in them."""
 
@@ -57,9 +56,9 @@ class View:
 
     def is_dark(self, points: Array, distance: float) -> Array:
         """Which of points (n, 2) near the robot lie within a distance of what is unknown, (n,)."""
-        if self._unknown is None:
+        if self.unknown is None:
             return np.zeros(len(points), dtype=bool)
-        found: Array = self._unknown.least(points) < distance
+        found: Array = self.unknown.least(points) < distance
         return found
 
     def leads_into_dark(self, points: Array, place: Array, distance: float) -> Array:
@@ -74,11 +73,11 @@ class View:
         distance : float
             What it needs around it: there may be darkness farther away.
         """
-        if self._unknown is None:
+        if self.unknown is None:
             return np.zeros(len(points), dtype=bool)
         # what stands out by less than a quarter of a cell is rounding
-        least = min(distance, float(self._unknown.least(place[None])[0])) - 0.25 * self._map.cell
-        found: Array = self._unknown.least(points) < least
+        least = min(distance, float(self.unknown.least(place[None])[0])) - 0.25 * self._map.cell
+        found: Array = self.unknown.least(points) < least
         return found
 
     def turns_to_see(self, points: Array, distance: float, slack: float) -> Array:

@@ -307,3 +307,12 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     for _ in range(3):
         margins.expected_errors.judge(drift, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
     assert motions.find(states, inputs, replace(task, drift=drift)).inputs[0, 0] < 0.4
+
+
+def test_what_may_come_out_of_the_unknown_comes_nearer_until_the_robot_stands() -> None:
+    wall = Solids([kl.Wall(1.0, -1.0, 1.0, 1.0)]).whole
+    around = Surroundings(NOTHING, unknown=wall, emerging_speed=0.5)
+    points, times = np.zeros((1, 3, 1, 2)), np.array([0.0, 0.4, 1.0])
+    found = around.clearance(points, times, np.zeros((1, 2)))
+    np.testing.assert_allclose(found[0, :, 0, 0], [1.0, 0.8, 0.5])
+    assert around.fastest() == 0.5 and not around.may_turn.any() and len(around.may_turn) == 1

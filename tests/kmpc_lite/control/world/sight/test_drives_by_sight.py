@@ -137,11 +137,10 @@ def test_a_robot_twice_as_large_drives_the_same_drive() -> None:
 
 
 def test_somebody_may_step_out_of_what_is_not_seen() -> None:
-    """Where that is an option the robot is slower beside what hides things."""
-    still = kl.Controller(kl.nominal_unicycle(0.1))
-    wary = kl.Controller(
-        kl.nominal_unicycle(0.1), options=ControllerOptions(sight=SightOptions(emerging_speed=1.0))
-    )
+    """If asked to, a robot that cannot stop at once is slower beside what hides things."""
+    robot = kl.nominal_unicycle(0.1), kl.NavigationProblem(du_max=(1, 4), deceleration=(1, 4))
+    options = ControllerOptions(sight=SightOptions(emerging_speed=1.0))
+    still, wary = kl.Controller(*robot), kl.Controller(*robot, options=options)
     fast, slow = drive(still, START, 20), drive(wary, START, 20)
     assert slow[-1].states[0, 0] < fast[-1].states[0, 0] - 0.05
 

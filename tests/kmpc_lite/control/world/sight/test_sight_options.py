@@ -87,7 +87,7 @@ def test_a_surface_is_nearer_than_seen_by_two_standard_deviations() -> None:
 
 
 def test_what_is_within_a_cell_of_a_line_counts_as_behind_it() -> None:
-    (boxes,) = sight().seen(looked(), HERE, 0.0).hits
+    (boxes,) = sight().seen(looked(), HERE).hits
     assert boxes._behind == pytest.approx(0.05)
 
 
@@ -107,12 +107,16 @@ def test_sixty_four_poses_of_the_past_are_kept() -> None:
     assert len(here.trail) == 64
 
 
-def test_nobody_steps_out_of_what_is_not_seen() -> None:
+def test_nobody_steps_out_of_what_is_not_seen_now() -> None:
     usual, wary = (sight(emerging_speed=speed) for speed in (0.0, 0.2))
-    here = looked()
+    ahead = kl.LaserScan(np.full(90, 2.0), -np.pi / 4, STEP, 5.0)
+    here: LocalMap | None = looked()
+    for _ in range(3):
+        here = usual.look(here, [ahead], HERE, 0.0)
+    assert here is not None
 
     def dark(eyes: Sight) -> float:
-        boxes = eyes.seen(here, HERE, 0.3).unknown
+        boxes = eyes.seen(here, HERE).unknown
         return float(sum((b.high - b.low).prod(axis=1).sum() for b in boxes))
 
     assert dark(sight()) == dark(usual) < dark(wary)
