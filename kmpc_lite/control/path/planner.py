@@ -118,8 +118,6 @@ class PathRequest:
     """How far the robot has turned on the spot just now [rad]: turning back costs as much."""
     gear_time: float = 0.0
     """What a change of the gear driven costs [s]."""
-    in_time: bool = True
-    """Whether the path is needed at once, whatever a step takes."""
     unit: float = 1.0
     """One unit of the solids' lengths [m]."""
 

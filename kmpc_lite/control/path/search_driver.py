@@ -115,7 +115,6 @@ class SearchDriver:
             tried=state.tried if same_goal else (),
             turned=state.turned,
             gear_time=0.0 if now.view is None else GEAR_TIME,
-            in_time=not state.only_renews,
         )
         self._search(state, now, Search(request, same_goal, progress.is_stuck, lead))
 
