@@ -65,6 +65,12 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         help="distance between left and right wheels, if the commands are their speeds",
     )
     add(
+        "--wheelbase",
+        type=positive,
+        metavar="M",
+        help="distance between a car's axles, if it is told steering angles; found if not given",
+    )
+    add(
         "--shift",
         type=float,
         default=0.0,
@@ -98,6 +104,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
         frame=options.frame,
         commands=options.commands,
         track=options.track,
+        wheelbase=options.wheelbase,
         shift=options.shift,
         force=getattr(options, "force", False),
         progress=ProgressBar("reading", quiet=options.json),

@@ -105,7 +105,7 @@ def _warning(part: Part, tightest: float) -> str:
         tight = f", nor tighter than on {tightest:.2g} m" if tightest > 0.0 else ""
         return (
             f"the log never turns on the spot{tight}: whether this robot can is not known; "
-            "car-like robots, which cannot, are not supported"
+            'a car, which cannot, is driven with wheels = {kind = "car", ...}'
         )
     return f"the log never {part.verb}: what was learned of it is a guess"
 

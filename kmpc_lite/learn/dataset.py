@@ -92,6 +92,7 @@ class Dataset:
         frame: str = "enu",
         commands: str | os.PathLike[str] | None = None,
         track: float | None = None,
+        wheelbase: float | None = None,
         shift: float = 0.0,
         force: bool = False,
     ) -> Dataset:
@@ -123,6 +124,8 @@ class Dataset:
             A table of commands for logs that hold poses only.
         track : float, optional
             Distance between left and right wheels [m], for tables whose commands are their speeds.
+        wheelbase : float, optional
+            Distance between a car's axles [m], for steering angles; found if not given.
         shift : float
             Added to the times of the commands [s].
         force : bool
@@ -148,6 +151,7 @@ class Dataset:
             frame=frame,
             commands=None if commands is None else Path(commands),
             track=track,
+            wheelbase=wheelbase,
             shift=shift,
             force=force,
         )

@@ -24,7 +24,8 @@ class Episode:
     states : ndarray
         Poses (T + 1, 3): x [m], y [m], theta [rad]; the heading is unwrapped here.
     inputs : ndarray
-        Commands (T, 2): v [m/s], omega [rad/s]; row k acts from state k to state k + 1.
+        Commands (T, 2): v [m/s], omega [rad/s], or (T, 3) of an omni: v_x, v_y, omega; row k acts
+        from state k to state k + 1.
     dt : float
         Sampling period [s].
 
@@ -48,10 +49,11 @@ class Episode:
             raise DataError(
                 f"episode states: expected shape (T + 1, {STATES}) with T >= 1, got {states.shape}"
             )
-        if inputs.shape != (len(states) - 1, INPUTS):
+        steps = len(states) - 1
+        if inputs.shape not in ((steps, INPUTS), (steps, INPUTS + 1)):
             raise DataError(
-                f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, "
-                f"got {inputs.shape}"
+                f"episode inputs: expected shape ({steps}, {INPUTS}), one row per step, "
+                f"got {inputs.shape}; an omni has {INPUTS + 1} columns"
             )
         dt = check_time("episode dt", self.dt)
         for name, array in (("states", states), ("inputs", inputs)):
@@ -112,7 +114,9 @@ def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | 
     if steps < 1:
         return None
     grid = np.arange(steps + 1) * dt
-    travelled = np.vstack([np.zeros(INPUTS), np.cumsum(inputs * np.diff(time)[:, None], axis=0)])
+    travelled = np.vstack(
+        [np.zeros(inputs.shape[1]), np.cumsum(inputs * np.diff(time)[:, None], axis=0)]
+    )
     poses = np.column_stack([np.interp(grid, elapsed, column) for column in states.T])
     held = np.column_stack([np.interp(grid, elapsed, column) for column in travelled.T])
     turn = np.abs(np.diff(poses[:, 2])).max()

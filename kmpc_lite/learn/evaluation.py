@@ -16,7 +16,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode, check_time
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.nominal import nominal_like
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -125,7 +125,7 @@ class _Errors(NamedTuple):
 
 def _squared_errors(model: KoopmanModel, dataset: Dataset, steps: int, stride: int) -> _Errors:
     """Errors of a model, and of the nominal robot, after some steps from each start."""
-    nominal, passed = nominal_unicycle(model.dt), let_through(dataset, Ramps.of(model.info))
+    nominal, passed = nominal_like(model), let_through(dataset, Ramps.of(model.info))
     sums, total, count = np.zeros((2, 3)), 0.0, 0
     # a model may diverge far from its data: then its error is infinite, and no warning is due
     with np.errstate(over="ignore", invalid="ignore"):
@@ -216,7 +216,7 @@ def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     none = (0.0, 0.0, 0.0)
     if len(starts) < FEWEST:
         return Comparison(ModelVerdict.SHORT, len(starts), none, none)
-    nominal = nominal_unicycle(model.dt)
+    nominal = nominal_like(model)
     with np.errstate(over="ignore", invalid="ignore"):  # a model may diverge: it is worse then
         predicted = model.rollout(starts, commands, past if model.history else None)[:, -1]
         plain = nominal.rollout(starts, commands)[:, -1]

@@ -57,7 +57,7 @@ def check_excitation(
     gram : ndarray
         Gram matrix of the fit, (p, p).
     input_moments : ndarray
-        Sums of v and omega, and of their squares, (2, 2).
+        Sums of v and omega, and of their squares, (2, m).
 
     Raises
     ------
@@ -74,7 +74,8 @@ def check_excitation(
         )
     mean, square = input_moments / count
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
-    for i, name in enumerate(("v", "omega")):
+    names = ("v", "omega") if len(spread) == 2 else ("v_x", "v_y", "omega")
+    for i, name in enumerate(names):
         if spread[i] <= 1e-6 * max(1e-3, abs(mean[i])):
             raise DataError(
                 f"column {name} is constant ({mean[i]:g}) over {count} samples: "

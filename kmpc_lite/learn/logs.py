@@ -31,7 +31,7 @@ PLACE = {"deg": 1.0, "rad": 180.0 / pi}
 """Of a latitude or a longitude, which are kept in degrees until they become metres."""
 KNOWN = {
     **{"t": TIME, "x": LENGTH, "y": LENGTH, "theta": ANGLE, "v": SPEED, "omega": TURN_RATE},
-    **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED},
+    **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED, "steering": ANGLE},
 }
 """Size of each unit, by column."""
 FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
@@ -173,6 +173,9 @@ class ReadOptions:
     """A table of commands, for logs that hold poses only."""
     track: float | None = None
     """Distance between left and right wheels, for commands that are their speeds [m]."""
+    wheelbase: float | None = None
+    """Distance between the axles of a car, for commands that are steering angles [m]; found from
+    how the poses turn where not given."""
     shift: float = 0.0
     """Added to the times of the commands, where their clock is another [s]."""
     force: bool = False
@@ -193,6 +196,8 @@ class ReadOptions:
             raise DataError(f"shift: expected a time in s, got {self.shift}")
         if self.track is not None and not 0.0 < self.track < np.inf:
             raise DataError(f"track: expected a distance > 0 m, got {self.track}")
+        if self.wheelbase is not None and not 0.0 < self.wheelbase < np.inf:
+            raise DataError(f"wheelbase: expected a distance > 0 m, got {self.wheelbase}")
         parse_units(self.units)
 
 

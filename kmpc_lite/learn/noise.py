@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.least_squares import least_squares, nonnegative_least_squares
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
@@ -33,7 +34,7 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
     for part in islice(dataset.transitions(model.history), 0, None, every):
         error = part.x_next - model.advance(part.x, model.dictionary.inputs(part.u, part.history))
         body = seen_along(error, part.x[:, 2])
-        terms = np.column_stack([np.ones(len(body)), part.u[:, 0] ** 2, part.u[:, 1] ** 2])
+        terms = np.column_stack([np.ones(len(body)), speeds(part.u) ** 2])
         gram += terms.T @ terms
         moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)
     weights, _, _ = least_squares(gram, moments, 0.0)

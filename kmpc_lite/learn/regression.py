@@ -24,7 +24,7 @@ from kmpc_lite.learn.least_squares import (
 )
 from kmpc_lite.model.dictionary import Dictionary, dictionary_to_config
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 Method = Literal["integral", "edmdc"]
 
@@ -97,7 +97,7 @@ class Accumulator:
         self._targets = nz + STATES if method == "edmdc" else STATES
         width = self._features + self._targets
         self._gram = np.zeros((width, width))
-        self._input_moments = np.zeros((2, INPUTS))
+        self._input_moments = np.zeros((2, dictionary.commands))
         self._buffer = np.empty((0, width))
         self.count = 0
 

@@ -35,6 +35,11 @@ def nominal_omni(dt: float) -> KoopmanModel:
     return _obedient(UnicycleDictionary(commands=3), dt, "nominal omni")
 
 
+def nominal_like(model: KoopmanModel) -> KoopmanModel:
+    """Give the robot that obeys exactly, with the commands and the period of a model."""
+    return (nominal_omni if model.inputs > INPUTS else nominal_unicycle)(model.dt)
+
+
 def _obedient(dictionary: UnicycleDictionary, dt: float, method: str) -> KoopmanModel:
     h = np.zeros((STATES, dictionary.commands, dictionary.size))
     one, cos, sin = (dictionary.names.index(name) for name in ("1", "cos", "sin"))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, unmodelled_delay
 from kmpc_lite.model.noise_model import NoiseModel
@@ -176,6 +177,7 @@ def window_deviations(
     def in_map(covariances: Array) -> Array:
         return turned @ covariances @ turned.swapaxes(-1, -2)
 
+    u = speeds(u)
     squares = u * u
     still = noise.pose + squares[..., 0, None, None] * noise.pose_by_speed
     measured = noise.poses * in_map(still)

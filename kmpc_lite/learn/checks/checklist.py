@@ -93,8 +93,8 @@ def refuse_car_like(dataset: Dataset) -> None:
     if abs(usual) > 0.05 and abs(spot) < FOLLOWS * abs(usual):
         raise DataError(
             "this robot does not turn on the spot: told to, it turns by "
-            f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. Car-like "
-            "robots are not supported; plans here turn on the spot"
+            f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. It is a "
+            "car: its log needs the steering angle (column steering) instead of a turn rate"
         )
 
 

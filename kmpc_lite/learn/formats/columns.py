@@ -47,6 +47,10 @@ NAMES = {
         (*OMEGA, "turn_rate", "cmd_yaw_rate", "omega_ref", "u_omega", "u_w"),
         ("angular_z", "ang_vel", "angular_velocity", "ang_z", "omega", "yaw_rate"),
     ),
+    "steering": Names(
+        ("steering_angle", "delta", "steer", "steer_angle", "servo_angle", "drive_steering_angle"),
+        ("steering_angle", "steering", "delta"),
+    ),
     "lat": Names(("latitude", "gps_lat"), ("latitude", "lat")),
     "lon": Names(("longitude", "lng", "long", "gps_lon"), ("longitude", "lon", "lng")),
     **{
@@ -72,7 +76,7 @@ QUATERNION = ("qx", "qy", "qz", "qw")
 WAYS = {
     "position": (("x", "y"), ("lat", "lon")),
     "heading": (("theta",), QUATERNION),
-    "command": (("v", "omega"), ("left", "right")),
+    "command": (("v", "omega"), ("left", "right"), ("v", "steering")),
 }
 """Columns that say the same; the first of which all are there are taken."""
 WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degrees/s": "deg/s"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -35,6 +36,7 @@ from kmpc_lite.learn.logs import (
     parse_units,
     row_number,
 )
+from kmpc_lite.learn.steering import disobeyed, find_wheelbase
 from kmpc_lite.types import Array
 
 WRITTEN = (".csv", ".npz")
@@ -65,6 +67,9 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     columns, where, notes = _whole_rows(columns, found, where)
     _check(file, columns, found, where, options.force)
     units = _header_units(found, options)
+    if "steering" in columns:
+        columns, more = _as_turns(columns, found, options)
+        notes = (*notes, *more)
     poses = Series(columns["t"], _poses(columns, found, options), str(file))
     if options.commands is not None:
         held, more = read_commands(options.commands, options)
@@ -143,6 +148,14 @@ def _poses(columns: dict[str, Array], found: Found, options: ReadOptions) -> Arr
 
 def _commands(file: Path, columns: dict[str, Array], found: Found, options: ReadOptions) -> Array:
     """Commands v and omega (n, 2), also of a left and a right wheel."""
+    if "steering" in columns and "omega" not in columns:
+        if options.wheelbase is None:
+            raise DataError(
+                f"{file}: commands are steering angles in a file without poses: --wheelbase M "
+                "tells how far apart the axles are"
+            )
+        (angles,) = _in_own_units(columns, ("steering",), found, options)
+        return np.column_stack([columns["v"], columns["v"] * np.tan(angles) / options.wheelbase])
     if "left" not in columns:
         return np.column_stack([columns["v"], columns["omega"]])
     if options.track is None:
@@ -152,6 +165,31 @@ def _commands(file: Path, columns: dict[str, Array], found: Found, options: Read
         )
     left, right = _in_own_units(columns, ("left", "right"), found, options)
     return np.column_stack([0.5 * (left + right), (right - left) / options.track])
+
+
+def _as_turns(
+    columns: dict[str, Array], found: Found, options: ReadOptions
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Columns whose steering angles are turn rates, without what nobody obeyed; what to know."""
+    (angles,) = _in_own_units(columns, ("steering",), found, options)
+    poses, time = _poses(columns, found, options), columns["t"]
+    left_out = disobeyed(time, poses, columns["v"])
+    kept = {name: column[~left_out] for name, column in columns.items()}
+    angles = angles[~left_out]
+    wheelbase = options.wheelbase
+    if wheelbase is None:
+        wheelbase = find_wheelbase(time[~left_out], poses[~left_out], angles)
+    kept["omega"] = kept["v"] * np.tan(angles) / wheelbase
+    largest = float(np.abs(angles).max())
+    notes = [
+        f"a car: wheelbase {abs(wheelbase):.2f} m; it steers by at most {largest:.2f} rad, turning "
+        f"radius {abs(wheelbase) / math.tan(largest):.2f} m: "
+        f'wheels = {{kind = "car", turning_radius = {abs(wheelbase) / math.tan(largest):.2f}}}'
+    ]
+    if left_out.any():
+        steps = np.diff(time, prepend=time[0])
+        notes.append(f"{steps[left_out].sum():.0f} s of commands that nothing obeyed are left out")
+    return kept, tuple(notes)
 
 
 def _in_own_units(

@@ -26,6 +26,7 @@ class UnicycleDictionary(Dictionary):
     """
 
     kind = "unicycle"
+    _commands = INPUTS
 
     def __init__(self, commands: int = INPUTS) -> None:
         if commands not in (INPUTS, INPUTS + 1):

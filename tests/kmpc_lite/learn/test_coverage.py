@@ -85,4 +85,4 @@ def test_what_is_no_stop_from_speed_is_not_counted(
 def test_a_log_that_only_drives_wide_turns_says_how_wide() -> None:
     drive = [held((0.5, 1.0, 20.0), (-0.5, -1.0, 20.0), (0.2, 0.4, 20.0), (0.0, 0.0, 1.0))] * 2
     told = [line for line in find_coverage(drive, DT, LIMITS).warnings() if "on the spot" in line]
-    assert len(told) == 1 and "nor tighter than on 0.5 m" in told[0] and "car-like" in told[0]
+    assert len(told) == 1 and "nor tighter than on 0.5 m" in told[0] and "a car" in told[0]

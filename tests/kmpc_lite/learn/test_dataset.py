@@ -37,7 +37,7 @@ STATES, INPUTS = np.zeros((5, 3)), np.zeros((4, 2))
             0.1,
             r"inputs: expected shape \(4, 2\), one row per step, got \(5, 2\)",
         ),
-        (STATES, np.zeros((4, 3)), 0.1, "inputs: expected shape"),
+        (STATES, np.zeros((4, 4)), 0.1, "inputs: expected shape"),
         (STATES, np.zeros(4), 0.1, "inputs: expected shape"),
         (STATES, INPUTS, 0.0, "dt: expected a time > 0 s, got 0"),
         (STATES, INPUTS, -0.1, "dt"),

@@ -147,7 +147,7 @@ def test_a_car_is_refused_and_a_robot_that_turns_less_is_not() -> None:
         return kl.Dataset(episodes)
 
     refuse_car_like(drive(car=False))
-    with pytest.raises(kl.DataError, match="does not turn on the spot.*Car-like"):
+    with pytest.raises(kl.DataError, match="does not turn on the spot.*It is a car"):
         refuse_car_like(drive(car=True))
     with pytest.raises(kl.DataError, match="does not turn on the spot"):
         kl.fit(drive(car=True), kl.HermiteTrigDictionary(0), lags="auto")

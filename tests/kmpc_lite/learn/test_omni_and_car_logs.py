@@ -1,0 +1,109 @@
+"""Logs of omnis and cars: what they are learned as, and how that drives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
+from kmpc_lite.learn.loading import load_logs
+from kmpc_lite.learn.logs import ReadOptions
+from kmpc_lite.learn.steering import disobeyed, find_wheelbase
+
+GAINS = np.array((1.1, 0.8, 0.9))
+
+
+def omni_log(episodes=20, steps=100, noise=0.0, seed=0):
+    random, plant = np.random.default_rng(seed), MecanumDrive(seed=seed)
+    made = []
+    for _ in range(episodes):
+        pose, states, inputs = random.uniform(-1, 1, 3), [], []
+        states.append(pose)
+        for k in range(steps):
+            if k % 5 == 0:
+                command = random.uniform(-1, 1, 3) * (0.6, 0.6, 0.8)
+            pose = plant.trace(pose, command * GAINS, 0.1, 1)[0]
+            states.append(pose)
+            inputs.append(command)
+        spread = noise * np.array((0.005, 0.005, 0.02))
+        seen = np.array(states) + spread * random.normal(size=(steps + 1, 3))
+        made.append(kl.Episode(seen, np.array(inputs), 0.1))
+    return kl.Dataset(made)
+
+
+def test_an_omni_is_learned_from_its_log_to_the_last_gain():
+    model = kl.fit(omni_log())
+    assert model.inputs == 3
+    moved = model.predict((0, 0, 0), np.eye(3)) / 0.1
+    np.testing.assert_allclose(np.abs(moved).max(axis=1), GAINS, rtol=1e-3)
+
+
+def test_it_drives_by_what_was_learned_from_noisy_poses():
+    log = omni_log(noise=1.0)
+    train, held = log.split(0.5, seed=0)
+    model = kl.with_quantiles(kl.fit(train, lags="auto"), held)
+    assert kl.evaluate(model, held, horizon=1.0) is not None
+    controller = kl.Controller(model, kl.NavigationProblem(wheels=kl.Omni()))
+    plant, pose = MecanumDrive(seed=3), np.zeros(3)
+    goal, circles = (1.4, 1.0, 1.0), [kl.Circle(0.7, 0.4, 0.2)]
+    for _ in range(150):
+        plan = controller.step(pose, goal, circles)
+        if plan.holding:
+            break
+        pose = plant.trace(pose, plan.command * GAINS, 0.1, 1)[0]
+        assert np.hypot(pose[0] - 0.7, pose[1] - 0.4) > 0.35
+    assert plan.holding, plan.reason
+
+
+def car_rows(wheelbase=0.33, deadman=False):
+    """Rows t, x, y, theta, v, steering angle of a car."""
+    random, car = np.random.default_rng(1), SteeredDrive(kl.Car(0.5, steering_rate=8.0), 0.01)
+    pose, rows = np.zeros(3), []
+    for k in range(2400):
+        if k % 15 == 0:
+            v, angle = random.uniform(-0.5, 1.0), random.uniform(-0.5, 0.5)
+        ignored = deadman and 1000 <= k < 1200
+        rows.append((0.05 * k, *pose, 1.0 if ignored else v, angle))
+        command = (0.0, 0.0) if ignored else (v, v * np.tan(angle) / wheelbase)
+        pose = car.trace(pose, command, 0.05, 1)[0]
+    return np.array(rows)
+
+
+def written(tmp_path, rows, name="steering_angle"):
+    file = tmp_path / "car.csv"
+    header = f"t,x,y,theta,v,{name}"
+    np.savetxt(file, rows, delimiter=",", header=header, comments="", fmt="%.6f")
+    return file
+
+
+def test_a_wheelbase_is_found_from_how_the_poses_turn():
+    rows = car_rows()
+    found = find_wheelbase(rows[:, 0], rows[:, 1:4], rows[:, 5])
+    assert found == pytest.approx(0.33, rel=0.25)
+    with pytest.raises(kl.DataError, match="turns too little"):
+        find_wheelbase(rows[:, 0], rows[:, 1:4] * 0.0, rows[:, 5])
+
+
+@pytest.mark.parametrize("name", ["steering", "steering_angle", "delta"])
+def test_steering_angles_become_turn_rates(tmp_path, name):
+    rows = car_rows()
+    told: list[str] = []
+    how = ReadOptions(wheelbase=0.33)
+    data = load_logs([written(tmp_path, rows, name)], 0.1, how=how, tell=told.append)
+    every = np.concatenate([e.inputs for e in data.episodes])
+    sharp = np.abs(every[:, 1]) / np.maximum(np.abs(every[:, 0]), 1e-3)
+    assert np.quantile(sharp, 0.8) < np.tan(0.5) / 0.33
+    assert any("a car: wheelbase 0.33 m" in line for line in told)
+    model = kl.fit(data, lags="auto")
+    turned = model.predict((0, 0, 0), (0.5, 0.5), np.tile((0.5, 0.5), (model.history, 1)))[2]
+    assert turned == pytest.approx(0.05, rel=0.2)
+
+
+def test_what_a_deadman_switch_holds_back_is_left_out_with_a_line(tmp_path):
+    rows = car_rows(deadman=True)
+    out = disobeyed(rows[:, 0], rows[:, 1:4], rows[:, 4])
+    assert out[1020:1180].all() and out[:900].mean() < 0.02 and out[1300:].mean() < 0.02
+    told: list[str] = []
+    load_logs([written(tmp_path, rows)], 0.1, tell=told.append)
+    assert any("nothing obeyed are left out" in line for line in told)
