@@ -1,4 +1,4 @@
-"""One profile for the property tests.
+"""One profile for the property tests, and where the bridge's commands are run.
 
 The same examples in every run; HYPOTHESIS_PROFILE=random looks for new ones.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 
+from bridge_desk import desk as desk
+from bridge_desk import no_other_bridge as no_other_bridge
 from hypothesis import settings
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)

@@ -14,11 +14,7 @@ from firmware_bridge.safety.listener import Listener
 from firmware_bridge.safety.places import is_latched
 from kmpc_lite.cli.main import main
 
-
-@pytest.fixture(autouse=True)
-def desk(tmp_path, monkeypatch, no_other_bridge):
-    """A machine of its own, and a folder to work in."""
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("desk")
 
 
 @contextlib.contextmanager

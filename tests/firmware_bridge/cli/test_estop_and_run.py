@@ -34,7 +34,7 @@ def test_the_emergency_stop_stops_a_running_robot_and_outlives_the_run(desk, cap
         assert main(["estop", "--reset"]) == 0 and main(["estop", "--enable"]) == 0
         assert until(lambda: not board.stopped)
         child.send_signal(signal.SIGUSR1)
-        assert until(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "ESTOP")
+        assert until(lambda: ask(Path("run/kmpc-bridge.sock"), "status")["gate"] == "ESTOP")
         child.send_signal(signal.SIGTERM)
         report = json.loads(child.communicate(timeout=20.0)[0])
         assert child.returncode == 130 and report["outcome"] == "stopped by SIGTERM"
@@ -43,7 +43,10 @@ def test_the_emergency_stop_stops_a_running_robot_and_outlives_the_run(desk, cap
         command = ["run", *robot_options("roboclaw"), "--scenario", "course.toml", *FAST]
         assert main(command) == 2
         assert "the emergency stop is pressed" in capsys.readouterr().err
-        assert main(["estop", "--reset"]) == 0 and not latch_file(Path("kmpc-bridge.sock")).exists()
+        assert (
+            main(["estop", "--reset"]) == 0
+            and not latch_file(Path("run/kmpc-bridge.sock")).exists()
+        )
 
 
 def test_the_emergency_stop_without_a_bridge_keeps_the_next_one_still(desk, capsys):
@@ -51,11 +54,11 @@ def test_the_emergency_stop_without_a_bridge_keeps_the_next_one_still(desk, caps
     assert main(["estop"]) == 1
     assert (
         "no bridge is running" in capsys.readouterr().out
-        and latch_file(Path("kmpc-bridge.sock")).exists()
+        and latch_file(Path("run/kmpc-bridge.sock")).exists()
     )
     assert main(["estop", "--enable"]) == 1
     assert main("check --driver mavlink --link tcp:127.0.0.1:9 --timeout 0.2 --json".split()) == 1
     texts = [f["text"] for f in json.loads(capsys.readouterr().out.splitlines()[-1])["findings"]]
     assert any("the emergency stop is pressed" in t for t in texts)
-    assert main(["estop", "--reset", "--socket", "kmpc-bridge.sock"]) == 0
-    assert not latch_file(Path("kmpc-bridge.sock")).exists()
+    assert main(["estop", "--reset", "--socket", "run/kmpc-bridge.sock"]) == 0
+    assert not latch_file(Path("run/kmpc-bridge.sock")).exists()

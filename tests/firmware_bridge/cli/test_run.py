@@ -108,10 +108,10 @@ def test_a_pilot_who_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, 
         def pilot():
             assert until(lambda: rover.pose[0] > 0.1)
             rover.pilot_mode(0)  # MANUAL
-            assert until(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "YIELDED")
+            assert until(lambda: ask(Path("run/kmpc-bridge.sock"), "status")["gate"] == "YIELDED")
             time.sleep(0.5)
             seen["mode"] = rover.mode
-            ask(Path("kmpc-bridge.sock"), "enable")
+            ask(Path("run/kmpc-bridge.sock"), "enable")
 
         with meanwhile(pilot):
             assert (

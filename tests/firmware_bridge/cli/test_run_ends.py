@@ -20,10 +20,7 @@ LONG = "Battery 1 below minimum arming voltage and the compass is not calibrated
 
 
 @pytest.fixture
-def rover(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+def rover(desk):
     robot = load_robot(None, {"link": {"url": LINK, "driver": "mavlink"}})
     # it may be armed at once: on a busy machine a check is over before it has begun to run
     rover = build_emulator(robot, (-2.0, 0.0, 0.0), 0.0, 1.0, 0, arm_after=0.0)

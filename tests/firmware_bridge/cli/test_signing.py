@@ -19,10 +19,7 @@ ROBOT = ["--driver", "mavlink", "--link", LINK, *PATIENT]
 
 
 @pytest.fixture
-def rover(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+def rover(desk):
     robot = load_robot(None, {"link": {"url": LINK, "driver": "mavlink"}})
     rover = build_emulator(robot, (0.0, 0.0, 0.0), 0.0, 1.0, 0, 0.1)
     rover.start(LINK)

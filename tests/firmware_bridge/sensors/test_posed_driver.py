@@ -7,7 +7,7 @@ import socket
 import pytest
 from boards import TABLES
 from boards import Rig as BoardRig
-from courses import COURSE, PATIENT
+from courses import PATIENT
 from free_port import free_port
 from waiting import until
 
@@ -156,22 +156,18 @@ class _Nobody:
     stop = close = state = health = lambda self: None
 
 
-def test_a_whole_run_by_motion_capture(tmp_path, monkeypatch, capsys):
+def test_a_whole_run_by_motion_capture(desk, capsys):
     import threading
 
     from kmpc_lab.emulator.build import build_emulator
     from kmpc_lite.cli.main import main
 
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
-    (tmp_path / "course.toml").write_text(COURSE)
     robot_file = (
         "[geometry]\nwheel_radius = 0.0425\ntrack = 0.27\nmax_wheel_speed = "
         "0.9\n[board]\nfull_speed = 0.9\n"
     )
     pose = f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
-    (tmp_path / "robot.toml").write_text(
+    (desk / "robot.toml").write_text(
         f'[link]\nurl = "pty:link"\ndriver = "sabertooth"\npose = "{pose}"\n{robot_file}'
     )
     # the board tells nothing, and the wheels slip

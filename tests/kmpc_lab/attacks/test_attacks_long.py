@@ -14,13 +14,7 @@ from kmpc_lab.attacks.table import measure
 from kmpc_lab.attacks.trial import run
 
 SECONDS = float(os.environ.get("KMPC_ATTACK_SECONDS", "600"))
-pytestmark = pytest.mark.long
-
-
-@pytest.fixture(autouse=True)
-def own_folder(tmp_path, monkeypatch):
-    """No other bridge of this machine's is found."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("no_other_bridge")]
 
 
 @pytest.mark.parametrize("flood", FLOODS, ids=lambda flood: f"{flood.surface.name}-{flood.name}")

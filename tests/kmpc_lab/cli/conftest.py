@@ -1,6 +1,5 @@
 """Folders in which kmpc is run."""
 
-from bridge_desk import desk as desk
 from command_fixtures import blank as blank
 from command_fixtures import here as here
 from command_fixtures import made as made

@@ -10,7 +10,7 @@ import time
 
 import pytest
 from boards import TABLES
-from courses import COURSE, PATIENT
+from courses import PATIENT
 from mavlink_rig import Rig
 from robots import Clock
 
@@ -87,15 +87,11 @@ def test_motion_capture_has_a_rate_a_delay_noise_and_drop_outs():
     assert max(gaps) == pytest.approx(0.2, abs=0.03) or max(gaps) > 0.2
 
 
-def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch, capsys):
+def test_the_twin_is_driven_past_an_obstacle_through_a_pty(desk, capsys):
     """The short drive of every test run.
 
     Real bytes over a pseudo-terminal, the gate, the controller, and physics at the other end.
     """
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
-    (tmp_path / "course.toml").write_text(COURSE)
     command = [
         sys.executable,
         *"-m kmpc_lite.cli.main emulate mavlink --physics mujoco --scenario course.toml".split(),
