@@ -70,6 +70,8 @@ class KoopmanModel:
 
     def __post_init__(self) -> None:
         """Check the matrices and fold them into the form that `advance` uses."""
+        object.__setattr__(self, "inputs", self.dictionary.commands)
+        object.__setattr__(self, "history", self.dictionary.history)
         nz, nw = self.dictionary.size, self.dictionary.input_size
         rows = len(real_array(self.A, "model matrix A", ModelError))
         for name, expected in (
@@ -106,18 +108,12 @@ class KoopmanModel:
         object.__setattr__(self, "closed_form", closed)
 
     _form: BilinearForm = field(init=False, repr=False)
+    inputs: int = field(init=False, repr=False)
+    """Numbers of a command, m."""
+    history: int = field(init=False, repr=False)
+    """How many past commands the model needs, L."""
     closed_form: SymmetricForm | None = field(init=False, repr=False)
     """Of a symmetric model; None for any other."""
-
-    @property
-    def inputs(self) -> int:
-        """Numbers of a command, m."""
-        return self.dictionary.commands
-
-    @property
-    def history(self) -> int:
-        """How many past commands the model needs, L."""
-        return self.dictionary.history
 
     def __repr__(self) -> str:
         made = self.info.get("method", "made by hand")
