@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from kmpc_lite.control.kernels import (
+    boxes,
     clearance,
     fill,
     half_planes,
@@ -30,6 +31,8 @@ class Kernels:
     """Whether they run in C."""
     distances_of_motions: Callable[[Array, Array, Array], Array]
     distances_and_directions: Callable[[Array, Array, Array], tuple[Array, Array]]
+    box_distances: Callable[[Array, Array, Array], Array]
+    nearest_boxes: Callable[[Array, Array, Array, float, int], tuple[Array, Array, Array]]
     tube_margins: Callable[..., Array]
     nearest_half_planes: Callable[[Array, Array, Array, int], tuple[Array, Array]]
     fill: Callable[..., None]
@@ -50,6 +53,8 @@ NUMPY = Kernels(
     compiled=False,
     distances_of_motions=clearance.distances_of_motions,
     distances_and_directions=clearance.distances_and_directions,
+    box_distances=boxes.box_distances,
+    nearest_boxes=boxes.nearest_boxes,
     tube_margins=tube.tube_margins,
     nearest_half_planes=half_planes.nearest_half_planes,
     fill=fill.fill,

@@ -37,6 +37,25 @@ def distances_and_directions(things: Array, points: Array, times: Array) -> tupl
     return distance, away
 
 
+def box_distances(low: Array, high: Array, points: Array) -> Array:
+    """As `boxes.box_distances`."""
+    out = np.empty(len(points))
+    c.box_distances(_dense(low), _dense(high), _dense(points), out)
+    return out
+
+
+def nearest_boxes(
+    low: Array, high: Array, points: Array, behind: float, columns: int
+) -> tuple[Array, Array, Array]:
+    """As `boxes.nearest_boxes`."""
+    shape = len(points), columns
+    chosen = np.empty(shape, dtype=np.int_)
+    distance, normals = np.empty(shape), np.empty((*shape, 2))
+    dense, room = (_dense(low), _dense(high), _dense(points)), np.empty((len(low), 4))
+    c.nearest_boxes(*dense, room, chosen, distance, normals, behind, columns)
+    return chosen, distance, normals
+
+
 def tube_margins(
     noise: Noise,
     by_x: Array,

@@ -109,7 +109,7 @@ class Surroundings:
         if len(self._all):
             found.append(self.kernels.distances_of_motions(self._all, points, times))
         if self.nearby:
-            least = self.nearby.least(np.ascontiguousarray(points.reshape(-1, 2)))
+            least = self.nearby.least(points.reshape(-1, 2), self.kernels)
             found.append(np.broadcast_to(least.reshape(*points.shape[:3], 1), (*shape, 1)))
         if self.known < math.inf:
             # as the distance from an obstacle all around that comes nearer

@@ -95,7 +95,7 @@ class KeepOut:
         if len(things):
             found.append(self._kernels.distances_and_directions(things, points, self._times))
         if solids is not None:
-            found.append(solids.measure(points))
+            found.append(solids.measure(points, self._kernels))
         values = [gaps.reshape(self.horizon, -1) - self._distance for gaps, _ in found]
         normals = [self._slopes(away, points, states) for _, away in found]
         count = sum(part.shape[1] for part in values)

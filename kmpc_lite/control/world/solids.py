@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.world.boxes import GRID_COLUMNS, Boxes
 from kmpc_lite.control.world.corners import Corners
 from kmpc_lite.control.world.occupancy import OccupancyGrid
@@ -35,7 +36,7 @@ class Nearby:
         """Return these and more rectangles."""
         return Nearby(self._outlines, [*self._boxes, *boxes])
 
-    def measure(self, points: Array) -> tuple[Array, Array]:
+    def measure(self, points: Array, kernels: Kernels = NUMPY) -> tuple[Array, Array]:
         """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m]."""
         distance, normals = (
             self._outlines.distances(points)
@@ -43,20 +44,20 @@ class Nearby:
             else (np.empty((len(points), 0)), np.empty((len(points), 0, 2)))
         )
         for boxes in self._boxes:
-            _, gaps, away = boxes.choose(points)
+            _, gaps, away = boxes.choose(points, kernels)
             distance, normals = (
                 np.concatenate([distance, gaps], axis=1),
                 np.concatenate([normals, away], axis=1),
             )
         return distance, normals
 
-    def least(self, points: Array) -> Array:
+    def least(self, points: Array, kernels: Kernels = NUMPY) -> Array:
         """Distance (n,) of points (n, 2) from the nearest of these solids [m], negative inside."""
         least = np.full(len(points), np.inf)
         if self._count:
             least = self._outlines.distances(points)[0].min(axis=1)
         for boxes in self._boxes:
-            least = np.minimum(least, boxes.distances(points).min(axis=1))
+            least = np.minimum(least, boxes.least(points, kernels))
         return least
 
 

@@ -52,6 +52,14 @@ void kmpc_distances(int things, const real *thing, int motions, int samples, int
 void kmpc_distances_and_directions(int things, const real *thing, int count, const real *points,
                                    const real *times, real *distance, real *away);
 
+/* ---- boxes.c: rectangles along the axes ------------------------------------------------------ */
+
+void kmpc_box_distances(int boxes, const real *low, const real *high, int count,
+                        const real *points, real *least);
+void kmpc_nearest_boxes(int boxes, const real *low, const real *high, int count,
+                        const real *points, real behind, int columns, real *room, long *chosen,
+                        real *distance, real *normals);
+
 /* ---- tube.c: margins of a plan --------------------------------------------------------------- */
 
 struct kmpc_noise {

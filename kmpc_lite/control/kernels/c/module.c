@@ -134,6 +134,40 @@ static PyObject *distances_and_directions(PyObject *self, PyObject *args)
     return done(b, 5, fits);
 }
 
+static PyObject *box_distances(PyObject *self, PyObject *args)
+{
+    Py_buffer b[4]; /* low, high, points, least */
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*w*", b, b + 1, b + 2, b + 3))
+        return NULL;
+    const long boxes = reals(b) / 2, count = reals(b + 3);
+    const int fits = boxes > 0 && holds(b, 2 * boxes) && holds(b + 1, 2 * boxes) &&
+                     holds(b + 2, 2 * count) && holds(b + 3, count);
+    if (fits)
+        kmpc_box_distances((int)boxes, b[0].buf, b[1].buf, (int)count, b[2].buf, b[3].buf);
+    return done(b, 4, fits);
+}
+
+static PyObject *nearest_boxes(PyObject *self, PyObject *args)
+{
+    Py_buffer b[7]; /* low, high, points, room, chosen, distance, normals */
+    double behind;
+    int columns;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*w*w*w*w*di", b, b + 1, b + 2, b + 3, b + 4, b + 5, b + 6,
+                          &behind, &columns))
+        return NULL;
+    const long boxes = reals(b) / 2, count = reals(b + 2) / 2, cells = count * columns;
+    const int fits = boxes > 0 && columns > 0 && columns <= boxes && holds(b, 2 * boxes) &&
+                     holds(b + 1, 2 * boxes) && holds(b + 2, 2 * count) &&
+                     holds(b + 3, 4 * boxes) && holds(b + 5, cells) && holds(b + 6, 2 * cells) &&
+                     b[4].len == (Py_ssize_t)sizeof(long) * cells;
+    if (fits)
+        kmpc_nearest_boxes((int)boxes, b[0].buf, b[1].buf, (int)count, b[2].buf, behind, columns,
+                           b[3].buf, b[4].buf, b[5].buf, b[6].buf);
+    return done(b, 7, fits);
+}
+
 static PyObject *tube_margins(PyObject *self, PyObject *args)
 {
     /* white, lasting, pose, pose by speed, by_x, states, inputs, normals, path clearance, margins */
@@ -322,6 +356,7 @@ static PyObject *admissible(PyObject *self, PyObject *args)
 static PyMethodDef kernels[] = {
     KERNEL(advance),       KERNEL(rollout),         KERNEL(linearize),
     KERNEL(distances),     KERNEL(distances_and_directions),
+    KERNEL(box_distances), KERNEL(nearest_boxes),
     KERNEL(tube_margins),  KERNEL(nearest_half_planes), KERNEL(fill),
     KERNEL(stop_errors),   KERNEL(samples),         KERNEL(between_samples),
     KERNEL(surely_clear),  KERNEL(admissible),      {NULL, NULL, 0, NULL},

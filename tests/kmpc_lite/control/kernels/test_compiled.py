@@ -23,6 +23,7 @@ from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
 
 C = compiled_kernels()
+GRID = kl.OccupancyGrid(np.random.default_rng(2).random((12, 12)) < 0.12, 0.1, (-0.4, 0.5, 0.2))
 FOLDER = Path(package.__file__).parent
 NAMES = [field.name for field in fields(Kernels) if field.name not in ("compiled", "closed_form")]
 needs_c = pytest.mark.skipif(C is None, reason="the kernels in C were not built: no compiler")
@@ -86,6 +87,7 @@ def asked() -> dict[str, list[tuple[Any, ...]]]:
                     kl.Circle(-0.5, -0.8, 0.3),
                     kl.Circle(0.8, 0.5 - 0.02 * k, 0.2, 0.0, -0.2),
                     kl.Wall(0.4, -1.6, 0.6, -0.6),
+                    GRID,
                 ]
                 command = controller.step(pose, (1.4, 1.4, 0.5), around).command
                 pose = model.predict(pose, command)
