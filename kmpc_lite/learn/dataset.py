@@ -249,10 +249,18 @@ class Dataset:
         if batch:
             yield _joined(batch)
 
-    def every_piece(self, steps: int, history: int = 0, stride: int = 1) -> Pieces:
-        """Give what `pieces` yields at once; empty arrays where no episode is long enough."""
-        none = _pieces(self.episodes[0], np.arange(0), steps, history)
-        return _joined([none, *self.pieces(steps, history, stride)])
+    def every_piece(
+        self, steps: int, history: int = 0, stride: int = 1, most: int = MAX_ROWS
+    ) -> Pieces:
+        """Give what `pieces` yields at once, thinned evenly to `most`; empty arrays for none."""
+        parts, seen = [_pieces(self.episodes[0], np.arange(0), steps, history)], 0
+        room = (len(e) - history - steps + 1 for e in self.episodes)
+        every = max(1, -(-sum(max(0, -(-r // stride)) for r in room) // most))
+        for part in self.pieces(steps, history, stride):
+            # copies, so that what is left out takes no memory
+            parts.append(Pieces(*(values[-seen % every :: every].copy() for values in part)))
+            seen += len(part.states)
+        return _joined(parts)
 
     def transitions(self, history: int = 0, chunk: int = CHUNK) -> Iterator[Transitions]:
         """Yield all steps in chunks of about `chunk` rows.

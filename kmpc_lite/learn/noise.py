@@ -98,9 +98,7 @@ def prediction_errors(
         (n, T, 3) [m, m, rad] and (n, T, 2); n may be zero.
     """
     steps = max(2, round(seconds / dataset.dt))
-    x, before, future = dataset.every_piece(steps, model.history)
-    every = max(1, -(-len(x) // most))
-    x, before, future = x[::every], before[::every], future[::every]
+    x, before, future = dataset.every_piece(steps, model.history, most=most)
     if not len(x):
         return np.zeros((0, steps, STATES)), future
     predicted = model.rollout(x[:, 0], future, before)[:, 1:]
