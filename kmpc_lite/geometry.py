@@ -271,3 +271,9 @@ def angle_swept(points: Array, centres: Array) -> Array:
     angle = np.arctan2(away[..., 1], away[..., 0])
     swept: Array = wrap(np.diff(angle, axis=0)).sum(axis=0)
     return swept
+
+
+def heading_of(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
+    """Heading of the robot's x axis, from quaternions of any length [rad]."""
+    turned: Array = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
+    return turned

@@ -41,15 +41,12 @@ FEWEST_STEPS = 8
 """Least number of steps since a change from which a model is given. Steps, not seconds: how surely
 gains are known hangs on how many tell of them."""
 CONFIRMATION = 20.0
-"""Squared distance as that of an alarm, with the noise estimated from the newest steps alone, that
-an alarm must exceed, too: a few slow steps would count too much if poses are noisier than in the
-log."""
+"""Squared distance, with the noise of the newest steps alone, that an alarm must exceed, too: a few
+slow steps would count too much if poses are noisier than in the log."""
 WORSE = 1.1
-"""The learned model returns if the squared errors of the adapted one, over the memory, are this
-many times its own."""
+"""The learned model returns if the adapted one's squared errors are this many times its own."""
 REFUSALS = 2
-"""Times in a row that gains which no floor can cause must be found, each time from fresh steps,
-before the model counts as another robot's."""
+"""Times in a row that gains which no floor can cause make the model another robot's."""
 BACK_AND_FORTH = 0.5
 """Net distance or turn, as a share of the whole, below which a drive does not tell whether the
 model is another robot's."""

@@ -5,41 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.episode import MAX_ROWS, Episode, check_time
+from kmpc_lite.learn.pieces import Pieces, Transitions, gather, joined, pieces_of
 from kmpc_lite.types import Array
 
 CHUNK = 8192
 """Rows handled at once: what fits a small board's second-level cache."""
-
-
-class Transitions(NamedTuple):
-    """Single steps, gathered over episodes."""
-
-    x: Array
-    """States before, (n, 3)."""
-    u: Array
-    """Commands, (n, 2)."""
-    x_next: Array
-    """States after, (n, 3)."""
-    history: Array | None
-    """Commands before `u`, oldest first, (n, L, 2); None for L = 0."""
-
-
-class Pieces(NamedTuple):
-    """Equally long pieces of driving, gathered over episodes."""
-
-    states: Array
-    """(n, steps + 1, 3)."""
-    before: Array
-    """Commands before each piece, oldest first, (n, history, 2)."""
-    inputs: Array
-    """Commands of each piece, (n, steps, 2)."""
 
 
 class Dataset:
@@ -241,26 +217,26 @@ class Dataset:
         for episode in self.episodes:
             starts = np.arange(history, len(episode) - steps + 1, stride)
             for k in range(0, len(starts), chunk):
-                batch.append(_pieces(episode, starts[k : k + chunk], steps, history))
+                batch.append(pieces_of(episode, starts[k : k + chunk], steps, history))
                 count += len(batch[-1].states)
                 if count >= chunk:
-                    yield _joined(batch)
+                    yield joined(batch)
                     batch, count = [], 0
         if batch:
-            yield _joined(batch)
+            yield joined(batch)
 
     def every_piece(
         self, steps: int, history: int = 0, stride: int = 1, most: int = MAX_ROWS
     ) -> Pieces:
         """Give what `pieces` yields at once, thinned evenly to `most`; empty arrays for none."""
-        parts, seen = [_pieces(self.episodes[0], np.arange(0), steps, history)], 0
+        parts, seen = [pieces_of(self.episodes[0], np.arange(0), steps, history)], 0
         room = (len(e) - history - steps + 1 for e in self.episodes)
         every = max(1, -(-sum(max(0, -(-r // stride)) for r in room) // most))
         for part in self.pieces(steps, history, stride):
             # copies, so that what is left out takes no memory
             parts.append(Pieces(*(values[-seen % every :: every].copy() for values in part)))
             seen += len(part.states)
-        return _joined(parts)
+        return joined(parts)
 
     def transitions(self, history: int = 0, chunk: int = CHUNK) -> Iterator[Transitions]:
         """Yield all steps in chunks of about `chunk` rows.
@@ -288,39 +264,7 @@ class Dataset:
                 )
                 rows += part.stop - part.start
                 if rows >= chunk:
-                    yield _gather(batch)
+                    yield gather(batch)
                     batch, rows = [], 0
         if batch:
-            yield _gather(batch)
-
-
-def _pieces(episode: Episode, starts: Array, steps: int, history: int) -> Pieces:
-    """Pieces of one episode from its rows `starts` (n,) on."""
-    rows = starts[:, None]
-    return Pieces(
-        episode.states[rows + np.arange(steps + 1)],
-        episode.inputs[rows + np.arange(-history, 0)],
-        episode.inputs[rows + np.arange(steps)],
-    )
-
-
-def _joined(batch: list[Pieces]) -> Pieces:
-    """Pieces one after another."""
-    return Pieces(*map(np.concatenate, zip(*batch, strict=True)))
-
-
-def _gather(batch: list[Transitions]) -> Transitions:
-    """One set of contiguous arrays from many."""
-    if len(batch) == 1:
-        return batch[0]
-    past = (
-        None
-        if batch[0].history is None
-        else np.concatenate([b.history for b in batch if b.history is not None])
-    )
-    return Transitions(
-        np.concatenate([b.x for b in batch]),
-        np.concatenate([b.u for b in batch]),
-        np.concatenate([b.x_next for b in batch]),
-        past,
-    )
+            yield gather(batch)

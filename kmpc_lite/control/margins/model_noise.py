@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control.estimate.innovation import ExpectedErrors, InnovationState
+from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError

@@ -22,7 +22,8 @@ from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.sight import SightOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
-from kmpc_lite.option_fields import GONE, check, group
+from kmpc_lite.gone_options import GONE
+from kmpc_lite.option_fields import check, group
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from kmpc_lite.control.path.cuts import edge_bars, free_of_edges
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.lattice import LatticePath
+    from kmpc_lite.control.path.lattice_path import LatticePath
 
 TURNING = 4
 """Number of circles to turn on: left and right of the start, left and right of the goal."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.lattice import LatticePath
+from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.planner import PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import CUT_DEPTH, GeometricPath
 from kmpc_lite.control.path.timed_path import poses_along

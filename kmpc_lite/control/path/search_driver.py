@@ -12,7 +12,7 @@ import numpy as np
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.lattice import LATTICE_SAMPLE
+from kmpc_lite.control.path.lattice_path import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import BLOCKED, GuideState, Search

@@ -9,7 +9,8 @@ import numpy as np
 from kmpc_lite.control.options import GuidanceOptions
 
 # here, for no step has time to import its image filters
-from kmpc_lite.control.path.lattice import BACK_OFF, FINE, Fineness, Lattice
+from kmpc_lite.control.path.lattice import FINE, Fineness, Lattice
+from kmpc_lite.control.path.lattice_path import BACK_OFF
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.control.path.turning_centre import swing
 from kmpc_lite.types import Array

@@ -28,7 +28,7 @@ from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.lattice import LatticePath
+    from kmpc_lite.control.path.lattice_path import LatticePath
 
 CUT_DEPTH = 0.002
 """How deep the chords of a path's arcs may cut an inflated circle [m]."""

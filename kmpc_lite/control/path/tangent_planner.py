@@ -19,7 +19,8 @@ from kmpc_lite.control.options import (
     lengths_from_radii,
     unit_length,
 )
-from kmpc_lite.control.path.lattice import Fineness, LatticePath, LatticeTask
+from kmpc_lite.control.path.lattice import Fineness, LatticeTask
+from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.planner import Path, PathRequest, same_solids
 from kmpc_lite.control.path.price import (
     extra_time,

@@ -14,6 +14,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import read_npz, real_array, write_whole
+from kmpc_lite.geometry import heading_of
 from kmpc_lite.learn.dataset import CHUNK
 from kmpc_lite.learn.episode import MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
@@ -138,7 +139,7 @@ def _poses(columns: dict[str, Array], found: Found, options: ReadOptions) -> Arr
     """Poses (n, 3); the heading of quaternions is that of the robot's x axis."""
     theta = columns.get("theta")
     if theta is None:
-        theta = heading(*(columns[q] for q in QUATERNION))
+        theta = heading_of(*(columns[q] for q in QUATERNION))
     if "lat" in columns:
         place = _in_own_units(columns, ("lat", "lon"), found, options)
         north, east = local_metres(*place).T
@@ -198,12 +199,6 @@ def _in_own_units(
     """Columns that become others, in the units that the user gave, or the header."""
     units = parse_units({**found.units, **options.units})
     return [units[n].apply(columns[n]) if n in units else columns[n] for n in names]
-
-
-def heading(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
-    """Heading of the robot's x axis, from quaternions of any length [rad]."""
-    turned: Array = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
-    return turned
 
 
 def _read_npz(file: Path, options: ReadOptions, poses: bool) -> tuple[Found, dict[str, Array]]:

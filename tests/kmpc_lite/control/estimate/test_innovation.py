@@ -10,7 +10,7 @@ from wary import CIRCLES, PROBLEM, Wary, directions, drive_and_observe, of_noise
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import KoopmanModel, nominal_unicycle
-from kmpc_lite.control.estimate.innovation import UNKNOWN_INFLATION
+from kmpc_lite.control.estimate.expected_errors import UNKNOWN_INFLATION
 from kmpc_lite.model.noise_model import NoiseModel
 
 

@@ -16,7 +16,7 @@ from kmpc_lite import (
     fit,
     nominal_unicycle,
 )
-from kmpc_lite.control.estimate.innovation import CALM
+from kmpc_lite.control.estimate.expected_errors import CALM
 from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.noise_model import NoiseModel

@@ -14,7 +14,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control import options as rooms
 from kmpc_lite.control.options import fastest, unit_length
-from kmpc_lite.option_fields import GONE
+from kmpc_lite.gone_options import GONE
 
 GROUPS = [
     getattr(rooms, name)() for name in rooms.__all__ if isinstance(getattr(rooms, name), type)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.lattice import LATTICE_CUT, Lattice, LatticeTask
+from kmpc_lite.control.path.lattice import Lattice, LatticeTask
+from kmpc_lite.control.path.lattice_path import LATTICE_CUT
 from kmpc_lite.control.path.search_obstacles import LATTICE_RECTANGLES
 from kmpc_lite.control.world.solids import Solids
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.lattice import Lattice, LatticePath, LatticeTask
+from kmpc_lite.control.path.lattice import Lattice, LatticeTask
+from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.tangent_graph import PathQuery
 from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.world.solids import Solids

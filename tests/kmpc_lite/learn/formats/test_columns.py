@@ -9,8 +9,8 @@ import pytest
 from foreign_logs import drive, rows
 
 import kmpc_lite as kl
+from kmpc_lite.geometry import heading_of
 from kmpc_lite.learn.formats.readers import read_log
-from kmpc_lite.learn.formats.tables import heading
 from kmpc_lite.learn.logs import ReadOptions
 
 TABLE = rows(drive(4.0, rate=20.0))
@@ -110,4 +110,4 @@ def test_headings_of_quaternions_of_any_length() -> None:
     for tilt in (0.0, 0.1):
         q = [np.sin(tilt / 2) * np.cos(theta / 2), np.sin(tilt / 2) * np.sin(theta / 2)]
         q += [np.cos(tilt / 2) * np.sin(theta / 2), np.cos(tilt / 2) * np.cos(theta / 2)]
-        np.testing.assert_allclose(heading(*(2.0 * np.array(q))), theta, atol=1e-9)
+        np.testing.assert_allclose(heading_of(*(2.0 * np.array(q))), theta, atol=1e-9)
