@@ -20,6 +20,16 @@ _IN_THE_LAB |= {"bench", "peers", "report", "sim", "studies"}
 if typing.TYPE_CHECKING:
     from kmpc_lite.api import *  # noqa: F403
     from kmpc_lite.api import __all__ as __all__
+    from kmpc_lite.embedded import CompiledController as CompiledController
+    from kmpc_lite.embedded import CompiledPlan as CompiledPlan
+    from kmpc_lite.embedded import export as export
+    from kmpc_lite.learn import Accumulator as Accumulator
+    from kmpc_lite.learn import Dataset as Dataset
+    from kmpc_lite.learn import Episode as Episode
+    from kmpc_lite.learn import FitReport as FitReport
+    from kmpc_lite.learn import evaluate as evaluate
+    from kmpc_lite.learn import fit as fit
+    from kmpc_lite.learn import with_quantiles as with_quantiles
 else:
 
     def __getattr__(name: str) -> typing.Any:

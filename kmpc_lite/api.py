@@ -22,7 +22,6 @@ from kmpc_lite.control import (
 from kmpc_lite.control.path.planner import Path, PathRequest, Planner
 from kmpc_lite.control.wheels import Car, Differential, Omni
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
-from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
 from kmpc_lite.model.dictionary import (
     Dictionary,
     HermiteTrigDictionary,
@@ -31,6 +30,18 @@ from kmpc_lite.model.dictionary import (
 )
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_omni, nominal_unicycle
+
+if typing.TYPE_CHECKING:
+    from kmpc_lite.embedded import CompiledController, CompiledPlan, export
+    from kmpc_lite.learn import (
+        Accumulator,
+        Dataset,
+        Episode,
+        FitReport,
+        evaluate,
+        fit,
+        with_quantiles,
+    )
 
 __all__ = [
     "Accumulator",
@@ -77,15 +88,19 @@ __all__ = [
     "with_quantiles",
 ]
 
-_IN_C = {"CompiledController", "CompiledPlan", "export"}
-"""Names that few programs need, and whose modules take time to import."""
+_LATER = {
+    "kmpc_lite.embedded": ("CompiledController", "CompiledPlan", "export"),
+    "kmpc_lite.learn": (
+        *("Accumulator", "Dataset", "Episode", "FitReport", "evaluate", "fit", "with_quantiles"),
+    ),
+}
+"""Names that a robot which drives does not need: their modules are imported when they are."""
 
-if typing.TYPE_CHECKING:
-    from kmpc_lite.embedded import CompiledController, CompiledPlan, export
-else:
+if not typing.TYPE_CHECKING:
 
     def __getattr__(name: str) -> typing.Any:
-        """Import a name of the controller in C."""
-        if name not in _IN_C:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(importlib.import_module("kmpc_lite.embedded"), name)
+        """Import a name of `_LATER`."""
+        for module, names in _LATER.items():
+            if name in names:
+                return getattr(importlib.import_module(module), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import os
 import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
 
@@ -21,7 +23,12 @@ NEEDED = "import numpy, scipy.sparse, osqp"
 
 def run(code: str) -> str:
     """What a fresh interpreter prints; nothing may go to its standard error."""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    # as where the package is installed: its modules are compiled once
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    kept["PYTHONPYCACHEPREFIX"] = os.path.join(tempfile.gettempdir(), "kmpc_lite_compiled")
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=kept
+    )
     assert done.stderr == ""
     return done.stdout
 
