@@ -54,8 +54,7 @@ class Margins:
     --------
     >>> import numpy as np
     >>> from kmpc_lite import nominal_unicycle
-    >>> from kmpc_lite.control.kernels import NUMPY, Kernels
-    from kmpc_lite.control.estimate.innovation import InnovationState
+    >>> from kmpc_lite.control.estimate.innovation import InnovationState
     >>> model, drift = nominal_unicycle(0.1), InnovationState()
     >>> margins = Margins(model, NavigationProblem())
     >>> inputs = np.tile([0.6, 0.0], (20, 1))

@@ -10,7 +10,8 @@ from wary import CIRCLES, PROBLEM, Wary, slipping
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import Footprint, NavigationProblem, nominal_unicycle
-from kmpc_lite.control.estimate.innovation import UNKNOWN_INFLATION, InnovationState
+from kmpc_lite.control.estimate.expected_errors import UNKNOWN_INFLATION
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.margins.model_noise import UNKNOWN_FLOOR_SLIP
 from kmpc_lite.model.noise_model import NoiseModel
 
