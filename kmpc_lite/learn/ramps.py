@@ -34,8 +34,8 @@ as fast as a ramp, or faster, are needed for the ramp to show."""
 REST, SPEED = 0.1, 0.5
 """Shares of the fastest command between which a start, or a stop, is timed."""
 EXPLAINED = 0.5
-"""Share of the motion, squared, that the commands must explain before ramps are looked for: of what
-is noise of the poses, any ramp explains a part."""
+"""Share of the motion, squared, that the commands must explain, by a ramp or without: of what is
+noise of the poses, any ramp explains a part."""
 AT_ONCE = 0.3
 """Commands that come to the fastest one within this time come there at once [s]: robots whose ramps
 are as short are driven as well by a lag."""
@@ -192,8 +192,9 @@ def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, flo
     faster, slower = faster[limited], slower[limited]
     errors, motion = _errors(pieces, faster, slower, dataset.dt, options)
     none, _ = _errors(pieces, np.array([FREE]), np.array([FREE]), dataset.dt, options, FINE)
-    follows = none.sum(axis=2).min(initial=np.inf) < (1.0 - EXPLAINED) * motion
-    if errors.shape[2] < options.blocks // 2 or not follows:
+    # by the best ramp: the commands of a robot that follows slowly explain little by themselves
+    left = min(e.sum(axis=2).min(initial=np.inf) for e in (none, errors))
+    if errors.shape[2] < options.blocks // 2 or not left < (1.0 - EXPLAINED) * motion:
         return FREE, FREE
     if not _is_sure(none, errors, options):
         return FREE, FREE

@@ -72,6 +72,13 @@ def test_ramps_are_found_in_a_log_of_driving_by_hand(log: Dataset) -> None:
     np.testing.assert_allclose(found.slower, RAMPS.slower, rtol=0.15)
 
 
+def test_slow_ramps_are_found_though_commands_alone_explain_little() -> None:
+    """A robot that takes eight seconds to 1 m/s, and three to 1 rad/s."""
+    slow = np.array((0.12, 0.3))
+    found = find_ramps(drive_by_hand(Ramps(slow, slow)))
+    np.testing.assert_allclose(found.faster, slow, rtol=0.2)
+
+
 @pytest.mark.parametrize("lag", [0.02, 0.3, 0.5])
 def test_a_lag_is_no_ramp(lag: float) -> None:
     assert not find_ramps(drive_by_hand(NONE, lag)).limit
