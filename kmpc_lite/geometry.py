@@ -273,7 +273,7 @@ def angle_swept(points: Array, centres: Array) -> Array:
     return swept
 
 
-def heading_of(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
+def heading_of(qx: float | Array, qy: float | Array, qz: float | Array, qw: float | Array) -> Array:
     """Heading of the robot's x axis, from quaternions of any length [rad]."""
     turned: Array = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
     return turned

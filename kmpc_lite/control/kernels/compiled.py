@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -236,16 +237,17 @@ def admissible(
 class CompiledForm(SymmetricForm):
     """As `SymmetricForm`, the reference of its kernels."""
 
-    def __post_init__(self) -> None:
-        """Keep what the kernels take."""
-        object.__setattr__(self, "_dense", (_dense(self.motion), _dense(np.array(self.nodes))))
+    @cached_property
+    def _arrays(self) -> tuple[Array, Array]:
+        """What the kernels take of it."""
+        return _dense(self.motion), _dense(np.array(self.nodes))
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw)."""
         if x.shape[:-1] != w.shape[:-1]:
             return super().advance(x, w)
         out = np.empty(x.shape)
-        c.advance(*self._arrays(), _dense(x), _dense(w), out)
+        c.advance(*self._arrays, _dense(x), _dense(w), out)
         return out
 
     def rollout(self, x0: Array, w: Array) -> Array:
@@ -253,7 +255,7 @@ class CompiledForm(SymmetricForm):
         *motions, periods, _ = w.shape
         out = np.empty((*motions, periods + 1, STATES))
         begins = np.broadcast_to(x0, (*motions, STATES))
-        c.rollout(*self._arrays(), _dense(begins), _dense(w), out)
+        c.rollout(*self._arrays, _dense(begins), _dense(w), out)
         return out
 
     def linearize(self, x: Array, w: Array) -> tuple[Array, Array, Array]:
@@ -261,12 +263,8 @@ class CompiledForm(SymmetricForm):
         lead = w.shape[:-1]
         value, by_x = np.empty((*lead, STATES)), np.empty((*lead, STATES, STATES))
         by_w = np.empty((*lead, STATES, w.shape[-1]))
-        c.linearize(*self._arrays(), _dense(x), _dense(w), value, by_x, by_w)
+        c.linearize(*self._arrays, _dense(x), _dense(w), value, by_x, by_w)
         return value, by_x, by_w
-
-    def _arrays(self) -> tuple[Array, Array]:
-        arrays: tuple[Array, Array] = self._dense  # type: ignore[attr-defined]
-        return arrays
 
 
 def closed_form(form: SymmetricForm) -> SymmetricForm:

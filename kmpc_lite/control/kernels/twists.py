@@ -8,33 +8,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from kmpc_lite.geometry import exact_arc, nearest_turn, seen_along
 from kmpc_lite.types import Array
 
 
 def moved(poses: Array, twists: Array, times: Array) -> Array:
     """Poses (..., 3) after twists (..., 3) were held for times (...)."""
-    turned = twists[..., 2] * times
-    middle = poses[..., 2] + 0.5 * turned
-    chord = times * np.sinc(0.5 * turned / np.pi)
-    cos, sin = chord * np.cos(middle), chord * np.sin(middle)
-    ahead, left = twists[..., 0], twists[..., 1]
-    return np.stack(
-        [
-            poses[..., 0] + cos * ahead - sin * left,
-            poses[..., 1] + sin * ahead + cos * left,
-            poses[..., 2] + turned,
-        ],
-        axis=-1,
-    )
+    out: Array = exact_arc(poses, twists[..., 0], twists[..., 2], times, twists[..., 1])
+    return out
 
 
 def seen_from(start: Array, poses: Array) -> Array:
     """Poses (..., 3) in the frame of one (..., 3), their headings in [-pi, pi]."""
-    dx, dy = poses[..., 0] - start[..., 0], poses[..., 1] - start[..., 1]
-    cos, sin = np.cos(start[..., 2]), np.sin(start[..., 2])
-    turn = poses[..., 2] - start[..., 2]
-    turn = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, turn], axis=-1)
+    seen = seen_along(poses - start, start[..., 2])
+    seen[..., 2] -= nearest_turn(seen[..., 2])
+    return seen
 
 
 def chained(start: Array, twists: Array, times: Array) -> Array:

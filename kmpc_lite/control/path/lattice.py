@@ -218,27 +218,7 @@ class Lattice:
             free[some] |= near & (around >= allowed) & (around > 0.0)
         # between obstacles, paths away from them are no longer than those along them, and better
         near = np.maximum(1.0 - (distance - inflation) / inflation, 0.0)
-        return self._links(free, 1.0 + LATTICE_NEAR_COST * near)
-
-    def _links(self, free: NDArray[np.bool_], cost: Array) -> csr_matrix:
-        """Graph of the links between free nodes, each as long as the first node's cost makes it."""
-        height, width = free.shape
-        links = np.zeros((height, width, len(NEIGHBOURS)), dtype=bool)
-        for i, (dx, dy) in enumerate(NEIGHBOURS):
-            left, right = max(-dy, 0), width - max(dy, 0)
-            here = free[: height - dx, left:right]
-            links[: height - dx, left:right, i] = here & free[dx:, left + dy : right + dy]
-        begins = np.zeros(free.size + 1, dtype=np.int32)
-        counts = sum(links[..., i].astype(np.int32) for i in range(len(NEIGHBOURS)))
-        np.cumsum(counts, out=begins[1:])
-        linked = np.flatnonzero(links)
-        tail = linked // len(NEIGHBOURS)
-        kind = linked - len(NEIGHBOURS) * tail
-        ahead = np.array([dx * width + dy for dx, dy in NEIGHBOURS])
-        length = np.array([self.step * np.hypot(dx, dy) for dx, dy in NEIGHBOURS])
-        head = (tail + ahead.take(kind)).astype(np.int32)
-        lengths = length.take(kind) * cost.take(tail)
-        return csr_matrix((lengths, head, begins), (free.size, free.size))
+        return linked(free, 1.0 + LATTICE_NEAR_COST * near, self.step)
 
     def distances(self, points: Array) -> Array:
         """Distance (...) of points (..., 2) from the solids, between the lattice's nodes [m]."""
@@ -287,3 +267,27 @@ class Lattice:
         least = np.take_along_axis(distance, nearest, 1)[:, 0]
         away = np.take_along_axis(normals, nearest[..., None], 1)[:, 0]
         return least, points - least[:, None] * away
+
+
+def linked(free: NDArray[np.bool_], cost: Array, step: float) -> csr_matrix:
+    """Graph of the eight ways between free nodes of a grid (H, W), a step apart along its axes.
+
+    Each is as long as the cost (H, W) of its first node makes it.
+    """
+    height, width = free.shape
+    links = np.zeros((height, width, len(NEIGHBOURS)), dtype=bool)
+    for i, (dx, dy) in enumerate(NEIGHBOURS):
+        left, right = max(-dy, 0), width - max(dy, 0)
+        here = free[: height - dx, left:right]
+        links[: height - dx, left:right, i] = here & free[dx:, left + dy : right + dy]
+    begins = np.zeros(free.size + 1, dtype=np.int32)
+    counts = sum(links[..., i].astype(np.int32) for i in range(len(NEIGHBOURS)))
+    np.cumsum(counts, out=begins[1:])
+    linked = np.flatnonzero(links)
+    tail = linked // len(NEIGHBOURS)
+    kind = linked - len(NEIGHBOURS) * tail
+    ahead = np.array([dx * width + dy for dx, dy in NEIGHBOURS])
+    length = np.array([step * np.hypot(dx, dy) for dx, dy in NEIGHBOURS])
+    head = (tail + ahead.take(kind)).astype(np.int32)
+    lengths = length.take(kind) * cost.take(tail)
+    return csr_matrix((lengths, head, begins), (free.size, free.size))

@@ -117,7 +117,7 @@ class Surroundings:
             away = np.hypot(*np.moveaxis(points - here, -1, 0))
             found.append((left[:, None] - away)[..., None])
         if self.unknown:
-            least = self.unknown.least(np.ascontiguousarray(points.reshape(-1, 2)))
+            least = self.unknown.least(points.reshape(-1, 2), self.kernels)
             least = least.reshape(*points.shape[:3], 1) - self.emerging_speed * times[:, None, None]
             found.append(least)
         return np.concatenate(found, axis=-1)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import atan2, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import heading_of
 from kmpc_lite.learn.formats.columns import short
 from kmpc_lite.learn.formats.streams import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
@@ -266,7 +267,7 @@ def _heading(q: Any) -> float:
     """Heading of the robot's x axis [rad]."""
     if q.x**2 + q.y**2 + q.z**2 + q.w**2 < 0.5:
         return float("nan")
-    return atan2(2.0 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    return float(heading_of(q.x, q.y, q.z, q.w))
 
 
 def _command(message: Any, kind: str) -> tuple[float, float, float]:

@@ -5,12 +5,10 @@ It tells a search where to grow, and whether the goal's place can be reached at 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from kmpc_lite.control.path.lattice import linked
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.types import Array
 
@@ -20,8 +18,6 @@ ROWS = 8
 """Rows of cells whose clearance is worked out in one part."""
 BORDER = 12.0
 """How far it reaches around start, goal and obstacles, in turning or robot radii."""
-STEPS = np.array([(1, 0), (0, 1), (1, 1), (1, -1)])
-"""Row and column of half of a cell's neighbours."""
 
 
 class PlainField:
@@ -82,17 +78,7 @@ class PlainField:
         return 20
 
     def _search(self) -> None:
-        free = self._free
-        index = np.arange(free.size).reshape(free.shape)
-        begins, ends, lengths = [], [], []
-        for dy, dx in STEPS.tolist():
-            a, b = _shifted(free, dy, dx), _shifted(free, 0, 0, dy, dx)
-            both = a & b
-            begins.append(_shifted(index, 0, 0, dy, dx)[both])
-            ends.append(_shifted(index, dy, dx)[both])
-            lengths.append(np.full(len(begins[-1]), self._cell * math.hypot(dx, dy)))
-        begin, end, length = (np.concatenate(part) for part in (begins, ends, lengths))
-        graph = csr_matrix((length, (begin, end)), shape=(free.size, free.size))
+        graph = linked(self._free, np.ones(self._free.shape), self._cell)
         source = self._places(self._request.start[None])[0]
         self._distances = dijkstra(graph, directed=False, indices=int(source))
         goal = self._places(self._request.goal[None])[0]
@@ -114,11 +100,3 @@ class PlainField:
         high = self._low + self._cell * np.array((self._columns, self._rows))
         inside = ((poses[..., :2] >= low) & (poses[..., :2] <= high)).all(axis=-1)
         return np.maximum(found - self._cell, 0.0) / self._speed, inside & np.isfinite(found)
-
-
-def _shifted(array: Array, dy: int, dx: int, after_y: int = 0, after_x: int = 0) -> Array:
-    """Part of an array (H, W) from a shift on, and without what lies behind another one."""
-    if dx < 0 or after_x < 0:
-        return _shifted(array[:, ::-1], dy, -dx, after_y, -after_x)[:, ::-1]
-    rows, columns = array.shape
-    return array[dy : rows - after_y, dx : columns - after_x]
