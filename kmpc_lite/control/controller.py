@@ -144,7 +144,7 @@ class Controller:
         self.scale = scale = problem.scale
         asked = adaptation, tightening is not None, scale, options.adaptation
         self.adaptation = settings_of.choose_adaptation(model, *asked)
-        self.units = units = problem_in_units(problem, model, options, bool(guidance))
+        self.units = units = problem_in_units(problem, model, bool(guidance))
         self._pose_age = whole_age(pose_age, model) / scale.time
         tightens, guides = tightening is not None, bool(guidance)
         self._examiner = Examiner(units, scale, options, tightens, guides, kernels)

@@ -41,13 +41,11 @@ def motion_model(
     """Return a model in the robot's units, as all phases of a step use it."""
     turns_little = units.dt * fastest(units)[1] <= LITTLE_TURN
     driven = replace(model, integrator="midpoint" if turns_little else model.integrator)
-    if driven.closed_form is not None:
-        object.__setattr__(driven, "closed_form", kernels.closed_form(driven.closed_form))
-    return in_units(driven, scale)
+    return in_units(driven.with_closed_form(kernels.closed_form), scale)
 
 
 def problem_in_units(
-    problem: NavigationProblem, model: KoopmanModel, options: ControllerOptions, guides: bool
+    problem: NavigationProblem, model: KoopmanModel, guides: bool
 ) -> NavigationProblem:
     """Return a problem in the robot's units, with the weights that its mode uses by default."""
     units = scaled_problem(problem, problem.scale)

@@ -56,8 +56,8 @@ class Verification:
         self, problem: NavigationProblem, options: StepOptions, motions: SafeMotions
     ) -> None:
         unit = unit_length(problem)
-        self._accepted_defect = options.accepted_defect * unit
-        self._accepted_depth = ACCEPTED_DEPTH * unit
+        self.accepted_defect = options.accepted_defect * unit
+        self.accepted_depth = ACCEPTED_DEPTH * unit
         self._problem, self._motions, self._rates = problem, motions, RateLimit(problem)
 
     def check(self, result: SQPResult, seen: Observation, task: MotionTask) -> Verified:
@@ -68,7 +68,7 @@ class Verification:
             return Verified(None, None, "the model's prediction is not finite")
         found, reason = result.trajectory, result.reason
         states, inputs = found.states, found.inputs
-        contradicted = not result.defect <= self._accepted_defect
+        contradicted = not result.defect <= self.accepted_defect
         if contradicted:
             reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
         command = self._rates.limit(inputs[0], task.last)
@@ -81,7 +81,7 @@ class Verification:
                 return Verified(Trajectory(states, inputs, found.duals), None, reason)
         if contradicted and task.margins is None:
             # without margins nothing else would keep such a plan from an obstacle
-            if not self.clearance(states, seen) >= -self._accepted_depth:
+            if not self.clearance(states, seen) >= -self.accepted_depth:
                 return Verified(found, None, reason)
         motion = self._motions.find(states, inputs, task)
         if motion.commands is None:

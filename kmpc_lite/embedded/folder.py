@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
@@ -15,20 +14,22 @@ import numpy as np
 
 from kmpc_lite.control import kernels
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.embedded.numbers import NO_LIMIT, check_can_be_exported, numbers_of, sizes_of
+from kmpc_lite.embedded.numbers import (
+    NO_LIMIT,
+    check_can_be_exported,
+    numbers_of,
+    sizes_of,
+    solver_of,
+)
 from kmpc_lite.embedded.vectors import Vector, recorded_vectors
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
 
 SOURCES = Path(__file__).parent / "c"
 KERNELS = Path(kernels.__file__).parent / "c"
-WHOLE = frozenset(
-    ("sides", "term", "terms", "nodes", "limits_changes", "longest_ramp", "further", "most_passes")
-    + ("tightens", "errs", "lasts", "by_speed", "delay", "spreads", "places", "next_stage")
-)
-"""Members of `struct kmpc_numbers` that are whole numbers."""
 ABOUT = "kmpc.json"
 
 
@@ -107,10 +108,12 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
     for source in sorted([*SOURCES.iterdir(), *KERNELS.glob("*.[ch]")]):
         if source.name != "module.c":
             shutil.copy(source, folder / source.name)
-    sizes = sizes_of(controller)
-    _write_solver(folder / "osqp", controller, float32)
+    sqp = solver_of(controller)
+    sizes = sizes_of(controller, sqp.qp)
+    assert isinstance(sqp.workspace, OSQPWorkspace)
+    sqp.workspace.write_code(folder / "osqp", float32)
     (folder / "kmpc_sizes.h").write_text(_sizes_header(sizes, controller.problem))
-    (folder / "kmpc_numbers.c").write_text(_numbers_source(numbers_of(controller), float32))
+    (folder / "kmpc_numbers.c").write_text(_numbers_source(numbers_of(controller, sqp), float32))
     vectors = recorded_vectors(controller)
     (folder / "vectors.h").write_text(_vectors_header(vectors, float32))
     about = {
@@ -122,35 +125,12 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
         "model": dict(controller.model.info).get("method", "made by hand"),
     }
     (folder / ABOUT).write_text(json.dumps(about, indent=1) + "\n")
-    flags = "-DKMPC_FLOAT " if float32 else ""
-    makefile = (folder / "Makefile").read_text().replace("@HORIZON@", str(sizes["KMPC_N"]))
-    (folder / "Makefile").write_text(makefile.replace("@PRECISION@ ", flags))
-    cmake = (folder / "CMakeLists.txt").read_text().replace("@HORIZON@", str(sizes["KMPC_N"]))
-    (folder / "CMakeLists.txt").write_text(
-        cmake.replace("@PRECISION@", "KMPC_FLOAT" if float32 else "")
-    )
+    flags = f"-DKMPC_HORIZON={sizes['KMPC_N']}" + " -DKMPC_FLOAT" * float32
+    for build in (folder / "Makefile", folder / "CMakeLists.txt"):
+        build.write_text(build.read_text().replace("@FLAGS@", flags))
 
 
-def _write_solver(folder: Path, controller: Controller, float32: bool) -> None:
-    """OSQP's own embedded code for this QP (`osqp.codegen`)."""
-    workspace = controller._sqp.workspace
-    workspace._set_up()  # type: ignore[attr-defined]
-    with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-        workspace._osqp.codegen(  # type: ignore[attr-defined]
-            str(folder),
-            parameters="matrices",
-            use_float=float32,
-            printing_enable=False,
-            profiling_enable=False,
-            interrupt_enable=False,
-            prefix="kmpc_",
-            compile=False,
-        )
-    for name in ("setup.py", "bindings.cpp", "emosqp.c", "Makefile", "CMakeLists.txt"):
-        (folder / name).unlink(missing_ok=True)
-
-
-def _sizes_header(sizes: dict[str, float], problem: NavigationProblem) -> str:
+def _sizes_header(sizes: dict[str, int], problem: NavigationProblem) -> str:
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return (
         "/* Sizes of one controller, made by kmpc export. */\n"
@@ -169,33 +149,30 @@ def _numbers_source(numbers: dict[str, Any], float32: bool) -> str:
         "const struct kmpc_numbers kmpc_numbers = {",
     ]
     for name, value in numbers.items():
-        flat = np.ravel(value).tolist()
-        whole = name in WHOLE
-        told = [str(int(v)) if whole else literal(float(v), float32) for v in flat]
-        scalar = np.ndim(value) == 0
-        # a zero stands for an array of them
-        body = told[0] if scalar and told[0] != "0" else f"{{{', '.join(told)}}}"
-        lines.append(f"    .{name} = {told[0] if scalar and name not in ARRAYS else body},")
+        told = [literal(v, float32) for v in np.ravel(value).tolist()]
+        lines.append(f"    .{name} = {told[0] if np.ndim(value) == 0 else braced(told)},")
     return "\n".join([*lines, "};", ""])
 
 
-ARRAYS = frozenset(("position_errors", "heading_errors", "command_noise"))
-"""Arrays that may be given as one zero."""
+def braced(told: Iterable[str]) -> str:
+    """Numbers as an initialiser in C."""
+    return f"{{{', '.join(told)}}}"
 
 
 def literal(value: float, float32: bool) -> str:
     """A number in C; infinity is written as what is larger than all others."""
-    # what is no number cannot be written: the vectors' reader knows it by its size
-    value = NO_LIMIT if np.isnan(value) else float(np.clip(value, -NO_LIMIT, NO_LIMIT))
-    text = repr(float(np.float32(value)) if float32 else value)
-    return text + "f" if float32 else text
+    if isinstance(value, int):
+        return str(value)
+    if np.isnan(value):
+        return "NAN"
+    value = float(np.clip(value, -NO_LIMIT, NO_LIMIT))
+    return f"{np.float32(value).item()!r}f" if float32 else repr(value)
 
 
 def _vectors_header(vectors: list[Vector], float32: bool) -> str:
     def rows(values: Iterable[Any]) -> str:
-        return ",\n".join(
-            "    {" + ", ".join(literal(float(v), float32) for v in np.ravel(row)) + "}"
-            for row in values
+        return ",\n    ".join(
+            braced(literal(v, float32) for v in np.ravel(row).tolist()) for row in values
         )
 
     circles = max(len(v.circles) for v in vectors)

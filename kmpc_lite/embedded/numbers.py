@@ -12,12 +12,14 @@ from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.kernels.safe_motion import TINY
 from kmpc_lite.control.knowledge import motion_model
-from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE
-from kmpc_lite.control.nmpc.sqp import MOST_PASSES
+from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
+from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
 from kmpc_lite.control.nmpc.trajectory import LOST
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.stop.safe_motion import SafeMotions
+from kmpc_lite.control.verification import Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary, UnicycleDictionary
@@ -56,37 +58,42 @@ def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> No
             )
 
 
-def sizes_of(controller: Controller) -> dict[str, float]:
+def solver_of(controller: Controller) -> SQP:
+    """The SQP of a controller without guidance, its QP as it was set up."""
+    options = controller.options
+    history = controller.model.history
+    return SQP(controller.units, history, options=options.solver, step=options.step)
+
+
+def sizes_of(controller: Controller, qp: NavigationQP) -> dict[str, int]:
     """Sizes of the arrays, by their names in C."""
-    qp, units = controller._sqp.qp, controller.units
-    rates = RateLimit(units)
+    units, history = controller.units, controller.model.history
+    rates, motions = RateLimit(units), SafeMotions(units, controller.options.stop)
     command = np.maximum(np.abs(units.u_min), np.abs(units.u_max))
     ramp = math.ceil(float((command / rates.ramp_step).max()) - TINY) + 1
     ramp = min(max(ramp, 1), rates.longest_ramp)
-    further = controller._pipeline.fallback._motions._further
-    history = controller.model.history
     return {
         "KMPC_N": units.horizon,
         "KMPC_L": history,
         "KMPC_PAST": max(history, 1),
-        "KMPC_T": further + 3 + ramp,
+        "KMPC_T": motions.further + 3 + ramp,
         "KMPC_THINGS": MOST_THINGS,
         "KMPC_ROWS": qp.row_count,
         "KMPC_VARIABLES": qp.size,
         "KMPC_ENTRIES": qp.A.nnz,
-        "KMPC_WRITTEN": len(qp._places),
+        "KMPC_WRITTEN": len(qp.places),
         "KMPC_SLOTS_USED": qp.slots,
         "KMPC_SLACK_ROW": int(qp.slack_rows[0]),
         "KMPC_CHANGE_ROW": int(qp.change_rows.ravel()[0]) if qp.change_rows.size else 0,
     }
 
 
-def numbers_of(controller: Controller) -> dict[str, Any]:
+def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
     """Numbers of `struct kmpc_numbers`, by their names there."""
-    units, scale = controller.units, controller.scale
-    sqp, qp, pipeline = controller._sqp, controller._sqp.qp, controller._pipeline
-    keep_out, rates, verification = sqp.keep_out, RateLimit(units), pipeline._verification
-    motions = pipeline.fallback._motions
+    units, scale, options = controller.units, controller.scale, controller.options
+    qp, keep_out, rates = sqp.qp, sqp.keep_out, RateLimit(units)
+    motions = SafeMotions(units, options.stop)
+    checks = Verification(units, options.step, motions)
     return {
         "dt": units.dt,
         "state": scale.state,
@@ -96,37 +103,37 @@ def numbers_of(controller: Controller) -> dict[str, Any]:
         "u_max": units.u_max,
         "radius": units.body_radius,
         "distance": units.body_radius + units.margin,
-        "side_normal": _padded(keep_out._side_normals, 8),
-        "side_offset": _padded(keep_out._side_offsets, 4),
-        "sides": len(keep_out._side_offsets),
+        "side_normal": _padded(keep_out.side_normals, 8),
+        "side_offset": _padded(keep_out.side_offsets, 4),
+        "sides": len(keep_out.side_offsets),
         **_model(controller),
-        "pull": qp.cost._pull,
-        "pull_terminal": qp.cost._pull_terminal,
+        "pull": qp.cost.pull,
+        "pull_terminal": qp.cost.pull_terminal,
         "slack_dual": -float(units.slack_weights[0]) / SLACK_SCALE,
         "limits_changes": int(rates.active),
         "change": rates.faster,
         "brake": rates.slower,
         "ramp_step": rates.ramp_step,
         "longest_ramp": rates.longest_ramp,
-        "further": motions._further,
+        "further": motions.further,
         "most_passes": MOST_PASSES,
-        "tolerated": sqp._tolerated,
+        "tolerated": sqp.tolerated,
         "lost": LOST[0] * unit_length(units),
         "fastest": fastest(units),
         **_margins(controller),
-        "spend_share": motions._options.spend_share,
-        "swerve_time": controller.options.stop.swerve_time,
-        "accepted_defect": verification._accepted_defect,
-        "accepted_depth": verification._accepted_depth,
+        "spend_share": options.stop.spend_share,
+        "swerve_time": options.stop.swerve_time,
+        "accepted_defect": checks.accepted_defect,
+        "accepted_depth": checks.accepted_depth,
         "half_plane_scale": HALF_PLANE_SCALE,
         "open": OPEN,
-        "rho": controller.options.solver.real_time.rho,
-        "places": qp._places,
+        "rho": options.solver.real_time.rho,
+        "places": qp.places,
         "entries": qp.A.data,
         "lower": qp.lower,
         "upper": qp.upper,
         "q": qp.q,
-        "next_stage": qp._next_stage,
+        "next_stage": qp.next_stage,
     }
 
 
@@ -138,7 +145,7 @@ def _model(controller: Controller) -> dict[str, Any]:
     kernel, terms = np.ones((1, INPUTS)), TERMS[:INPUTS]
     smoothing, limits = (1.0, 1.0), (NO_LIMIT, NO_LIMIT)
     if isinstance(dictionary, ResponseDictionary):
-        kernel, terms = dictionary._kernel, dictionary.terms
+        kernel, terms = dictionary.kernel, dictionary.terms
         smoothing, limits = dictionary.smoothing, dictionary.limits
     return {
         "kernel": kernel,
@@ -156,24 +163,27 @@ def _margins(controller: Controller) -> dict[str, Any]:
     """Margins of plans and of motions; zeros of a controller without."""
     margins, drift = controller.known.margins, InnovationState()
     if margins is None:
-        nothing = np.zeros(9 * INPUTS)
-        noise = tube.Noise(nothing, nothing, nothing, nothing, 0, 0, 0, 0, 0, 0, False)
-        return _tube(noise) | dict.fromkeys(
-            (
-                *("tightens", "errs", "side_margin", "far_clearance", "widest", "pose_error"),
-                *("position_errors", "heading_errors", "command_noise", "step_quantile"),
-            ),
-            0,
+        factors, errors = np.zeros(9 * INPUTS), np.zeros(2 * INPUTS)
+        noise = tube.Noise(factors, factors, factors, factors, 0, 0, 0, 0, 0, 0, False)
+        none = ("tightens", "errs", "side_margin", "far_clearance", "widest", "pose_error")
+        return (
+            _tube(noise)
+            | dict.fromkeys((*none, "step_quantile"), 0)
+            | {
+                "position_errors": errors,
+                "heading_errors": errors,
+                "command_noise": factors,
+            }
         )
     tightening, felt = margins.tightening, margins.noise.felt(drift)
-    return _tube(tightening._noise_of(drift)) | {
+    return _tube(tightening.noise_of(drift)) | {
         "tightens": 1,
         "errs": int(felt.command_errs),
         "side_margin": tightening.side_margin,
         "far_clearance": tightening.far_clearance,
         "widest": tightening.widest(drift),
-        "position_errors": np.array(felt.command_trace + felt.lasting_trace),
-        "heading_errors": np.concatenate([felt.command[:, 8], felt.lasting[:, 8]]),
+        "position_errors": felt.position_errors,
+        "heading_errors": felt.heading_errors,
         "command_noise": felt.command,
         "step_quantile": margins.noise.step_quantile,
         "pose_error": margins.stop_margins.pose_error,

@@ -33,6 +33,8 @@ whose pose jumps would ask for nonsense."""
 ADAPTED_SHARE = 0.1
 """Share of the risk of a single command that is taken with an adapted model: it knows its floor
 from a few seconds only."""
+HEADING = 8
+"""Place of the heading's variance in a covariance (9,)."""
 UNKNOWN_FLOOR_SLIP = 0.35
 """Standard deviation of a command's error on an unknown floor, as a share of what it drives: a slip
 of 0.2 pushes farther than five times that once in ten thousand periods."""
@@ -59,8 +61,11 @@ class FeltNoise:
     """The same as `plan_trace`."""
     command: Array
     """(2, 9) covariances of the coming period: larger on an unknown floor."""
-    command_trace: tuple[float, float]
-    """The same as `plan_trace`."""
+    position_errors: Array
+    """(4,) variances of the coming period by v^2 and by omega^2, then what lasts of them: of the
+    position, in all directions together [m^2] ..."""
+    heading_errors: Array
+    """... and of the heading [rad^2], as `kernels.stop_errors` takes them."""
     plan_spreads: bool
     """Whether there is any noise in a plan."""
     command_errs: bool
@@ -174,7 +179,8 @@ class ModelNoise:
             _factors(lasting) if self._lasts else None,
             _trace(lasting),
             command,
-            _trace(command),
+            np.array(_trace(command) + _trace(lasting)),
+            np.concatenate([command[:, HEADING], lasting[:, HEADING]]),
             spreads,
             spreads or unknown_floor,
         )

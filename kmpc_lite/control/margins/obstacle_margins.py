@@ -117,18 +117,19 @@ class Tightening:
             (N, S) [m].
         """
         kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
-        noise = self._noise_of(drift)
+        noise = self.noise_of(drift)
         return self._kernels.tube_margins(noise, lin.A, states, speeds(inputs), normals, kept)
 
     def covariances(
         self, drift: InnovationState, lin: Linearization, states: Array, inputs: Array
     ) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]; see `margins`."""
-        factors = tube.factors(self._noise_of(drift), lin.A, states, speeds(inputs))[:, :2]
+        factors = tube.factors(self.noise_of(drift), lin.A, states, speeds(inputs))[:, :2]
         out: Array = factors @ factors.transpose(0, 2, 1)
         return out
 
-    def _noise_of(self, drift: InnovationState) -> tube.Noise:
+    def noise_of(self, drift: InnovationState) -> tube.Noise:
+        """What the margins of plans follow from, as past innovations say."""
         felt = self._noise.felt(drift)
         if felt is not self._tube_for:
             self._tube_for, self._tube = felt, self._tube_of(felt)

@@ -14,14 +14,11 @@ import numpy as np
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN, ModelNoise
-from kmpc_lite.control.options import MarginOptions, unit_length
+from kmpc_lite.control.options import unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.tube import FLOOR
 from kmpc_lite.types import STATES, Array
-
-HEADING = 8
-"""Place of the heading's variance in a covariance (9,)."""
 
 
 class StopMargins:
@@ -33,8 +30,6 @@ class StopMargins:
         Of the model.
     problem : NavigationProblem
         Robot radius or footprint.
-    options : MarginOptions
-        What is added to every margin.
     kernels : Kernels
         Compute them.
 
@@ -50,7 +45,6 @@ class StopMargins:
         self,
         noise: ModelNoise,
         problem: NavigationProblem,
-        options: MarginOptions,
         kernels: Kernels = NUMPY,
     ) -> None:
         self._noise, self._solver_margin = noise, SOLVER_MARGIN * unit_length(problem)
@@ -76,8 +70,8 @@ class StopMargins:
             distances,
             turns,
             noise.dt,
-            np.array(felt.command_trace + felt.lasting_trace),
-            np.concatenate([felt.command[:, HEADING], felt.lasting[:, HEADING]]),
+            felt.position_errors,
+            felt.heading_errors,
             noise.step_quantile,
             noise.quantile,
             self._reach,
@@ -110,9 +104,9 @@ class StopMargins:
         if not felt.command_errs:
             return np.zeros(len(commands))
         squares = speeds(commands) ** 2
-        errors = np.sqrt(squares @ np.array(felt.command_trace))
+        errors = np.sqrt(squares @ felt.position_errors[:2])
         if self._reach:
-            errors += self._reach * np.sqrt(squares @ felt.command[:, HEADING])
+            errors += self._reach * np.sqrt(squares @ felt.heading_errors[:2])
         out: Array = self._noise.step_quantile * errors
         return out
 

@@ -8,7 +8,9 @@ exact type and length, checked before and after.
 from __future__ import annotations
 
 import math
+import os
 import signal
+from contextlib import redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -127,6 +129,27 @@ class OSQPWorkspace:
     def can_be_stopped(self) -> bool:
         """Whether `time_limit` has an effect: OSQP's iterates are of use at any time."""
         return True
+
+    def write_code(self, folder: str | os.PathLike[str], float32: bool) -> None:
+        """Write OSQP's own embedded code for this QP, whose numbers may change, into a folder.
+
+        Its global is ``kmpc_solver``; float throughout if `float32`.
+        """
+        self._set_up()
+        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+            self._osqp.codegen(
+                os.fspath(folder),
+                parameters="matrices",
+                use_float=float32,
+                printing_enable=False,
+                profiling_enable=False,
+                interrupt_enable=False,
+                prefix="kmpc_",
+                compile=False,
+            )
+        # the folder that it is copied into has a build of its own
+        for name in ("setup.py", "bindings.cpp", "emosqp.c", "Makefile", "CMakeLists.txt"):
+            os.unlink(os.path.join(folder, name))
 
     def restart(self) -> None:
         """Have OSQP forget what it has learned from an earlier solve."""

@@ -43,6 +43,8 @@ class QPCost:
         Linear part.
     terminal_share : float
         Part of the terminal weight that counts.
+    pull, pull_terminal : ndarray
+        (3, 3) by which references enter `q`, at the stages before the last one and at the last.
     """
 
     def __init__(self, problem: NavigationProblem) -> None:
@@ -56,7 +58,7 @@ class QPCost:
         self.q = np.zeros(self.P.shape[0])
         self.q[(STATES + len(problem.u_min)) * n :] = linear
         self._q_states = self.q[: STATES * n].reshape(n, STATES)
-        self._pull, self._whole = -q.toarray(), q_terminal.toarray()
+        self.pull, self._whole = -q.toarray(), q_terminal.toarray()
         # columns of the last state begin after those of the others
         first = self.P.indptr[STATES * (n - 1)]
         self._last = self.P.data[first : first + STATES * (STATES + 1) // 2]
@@ -64,13 +66,13 @@ class QPCost:
 
     def pull_to(self, reference: Array) -> None:
         """Write the reference (N + 1, 3) that states are drawn to."""
-        np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
-        np.matmul(reference[-1], self._pull_terminal, out=self._q_states[-1])
+        np.matmul(reference[1:-1], self.pull, out=self._q_states[:-1])
+        np.matmul(reference[-1], self.pull_terminal, out=self._q_states[-1])
 
     def set_terminal_share(self, share: float) -> None:
         """Write how much of the terminal weight counts, from 0 to 1."""
-        self.terminal_share, self._pull_terminal = share, -share * self._whole
-        self._last[:] = -self._pull_terminal.T[np.tril_indices(STATES)]
+        self.terminal_share, self.pull_terminal = share, -share * self._whole
+        self._last[:] = -self.pull_terminal.T[np.tril_indices(STATES)]
 
 
 class NavigationQP:
@@ -86,6 +88,13 @@ class NavigationQP:
         Half-plane rows per stage.
     kernels : Kernels
         Write its numbers.
+
+    Attributes
+    ----------
+    places : ndarray
+        Where the entries that a pass writes lie in those of A, in the order of `kernels.fill`.
+    next_stage : ndarray
+        (m,) the row that each row is a period later.
     """
 
     def __init__(
@@ -113,7 +122,7 @@ class NavigationQP:
         self.wheel_rows = np.arange(rows[5], rows[6]).reshape(n, wheels)
         self.steering_rows = np.arange(rows[6], rows[7]).reshape(n, steering)
         self.row_count = int(rows[7])
-        self._next_stage = np.empty(self.row_count, dtype=np.intp)
+        self.next_stage = np.empty(self.row_count, dtype=np.intp)
         for part in (
             self.dynamics_rows,
             self.half_plane_rows,
@@ -123,7 +132,7 @@ class NavigationQP:
             self.wheel_rows,
             self.steering_rows,
         ):
-            self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
+            self.next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
         self.cost = QPCost(problem)
         self.P, self.q = self.cost.P, self.cost.q
@@ -184,7 +193,7 @@ class NavigationQP:
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
         )
         # what every pass writes, in the order of `kernels.fill`
-        self._places = place[a_start:end].astype(np.intc)
+        self.places = place[a_start:end].astype(np.intc)
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
@@ -232,7 +241,7 @@ class NavigationQP:
             u,
             normals,
             offsets,
-            self._places,
+            self.places,
             self.A.data,
             self._dynamics_lower,
             self._dynamics_upper,
@@ -262,4 +271,4 @@ class NavigationQP:
 
     def shift_duals(self, y: Array) -> Array:
         """Multipliers one stage on, the last stage kept."""
-        return y[self._next_stage]
+        return y[self.next_stage]

@@ -127,7 +127,7 @@ class SQP:
             )
         self.workspace = choose_solver(solver, self.qp, settings)
         self.keep_out = KeepOut(problem, slots, kernels)
-        self._tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
+        self.tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
         self._couples = problem.limits_wheels or not problem.wheels.turns_on_the_spot
         self._rates = RateLimit(problem)
         self._u_min, self._u_max, _, _ = problem.bounds
@@ -181,7 +181,7 @@ class SQP:
     def _has_ended(self, run: SQPResult) -> bool:
         """Whether the model agrees with the plan, and it has settled; or passes are used up."""
         if self.iterations == 1:
-            return run.defect <= self._tolerated or run.passes >= MOST_PASSES
+            return run.defect <= self.tolerated or run.passes >= MOST_PASSES
         if run.step <= self.tolerance:
             return True
         if run.passes < self.iterations:

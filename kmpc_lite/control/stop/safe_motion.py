@@ -107,6 +107,11 @@ class SafeMotions:
         What is tried, and what may be spent.
     kernels : Kernels
         Decide what is clear.
+
+    Attributes
+    ----------
+    further : int
+        How many further commands of a plan are tried before the brake.
     """
 
     def __init__(
@@ -120,7 +125,7 @@ class SafeMotions:
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
         self._rates = RateLimit(problem)
         self._within = problem.wheels.within
-        self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
+        self.further = min(round(options.further_time / problem.dt), problem.horizon - 1)
 
     def find(self, states: Array, inputs: Array, task: MotionTask) -> SafeMotion:
         """Find what may be driven of a plan from the present pose.
@@ -212,7 +217,7 @@ class SafeMotions:
         slower = self._possible(kernel.both_brakes(first, inputs, step, longest))
         further = [
             np.concatenate([inputs[: j + 1], self._rates.ramp(inputs[j])])
-            for j in range(1, self._further + 1)
+            for j in range(1, self.further + 1)
         ]
         strict = np.arange(len(further) + len(slower)) < len(further)
         turned = np.concatenate([np.zeros(len(further), dtype=bool), free.repeat(2)])

@@ -54,6 +54,8 @@ class KeepOut:
     directions : int
         By how many of a state's coordinates a clearance has slopes: x, y, and the heading of a
         robot that is not round.
+    side_normals, side_offsets : ndarray
+        (S, 2), (S,) of the area's sides: ``normal . p >= offset``.
     """
 
     def __init__(self, problem: NavigationProblem, slots: int, kernels: Kernels = NUMPY) -> None:
@@ -65,10 +67,10 @@ class KeepOut:
             for sign, bound in ((1.0, x_min[axis]), (-1.0, x_max[axis]))
             if np.isfinite(bound)
         ]
-        self._side_normals = np.zeros((len(sides), 2))
-        for row, (axis, sign, _) in zip(self._side_normals, sides, strict=True):
+        self.side_normals = np.zeros((len(sides), 2))
+        for row, (axis, sign, _) in zip(self.side_normals, sides, strict=True):
             row[axis] = sign
-        self._side_offsets = np.array([sign * bound for _, sign, bound in sides])
+        self.side_offsets = np.array([sign * bound for _, sign, bound in sides])
         self._distance = problem.body_radius + problem.margin
         self._range = problem.sensor_range
         self.directions = 2 if problem.footprint is None else 3
@@ -119,8 +121,8 @@ class KeepOut:
 
     def _sides(self, states: Array) -> list[tuple[Array, Array]]:
         """Distances (N, S) [m] and normals of the sides of the area, and of what is known."""
-        offsets = np.minimum(self._side_offsets, self._side_normals @ states[0, :2])
-        sides = [(states[1:, :2] @ self._side_normals.T - offsets, self._side_normals)]
+        offsets = np.minimum(self.side_offsets, self.side_normals @ states[0, :2])
+        sides = [(states[1:, :2] @ self.side_normals.T - offsets, self.side_normals)]
         if self._range is not None:
             back = states[0, :2] - states[1:, :2]
             distance = np.hypot(back[:, 0], back[:, 1])[:, None]

@@ -77,7 +77,7 @@ class OccupancyGrid:
             raise ProblemError(
                 f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
             )
-        _check_resolution(resolution, limits)
+        _check_resolution(resolution)
         if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
             raise ProblemError(f"grid: expected a finite origin x, y, yaw, got {place.tolist()}")
         if not 0.0 < threshold <= 100.0:
@@ -237,7 +237,7 @@ class OccupancyGrid:
         return np.array([[cos, sin], [-sin, cos]])
 
 
-def _check_resolution(resolution: float, limits: ObstacleOptions) -> None:
+def _check_resolution(resolution: float) -> None:
     """Raise ProblemError where the side of a cell is none, or finer or coarser than allowed."""
     if (
         isinstance(resolution, bool)

@@ -48,9 +48,13 @@ extern const struct kmpc_numbers kmpc_numbers;
 void kmpc_model_linearize(const real *states, const real *window, int count, real *value,
                           real *by_x, real *by_u, real *by_past);
 void kmpc_model_predict(const real *states, const real *window, int count, real *next);
-void kmpc_model_rollout(const real *here, const real *window, int count, real *states);
+/* States (periods + 1, 3) of a robot that is sent `count` commands, then zeros, after those of the
+ * past (KMPC_PAST, 2). */
+void kmpc_model_rollout(const real *here, const real *past, const real *commands, int count,
+                        int periods, real *states);
 
 /* solve.c */
+real kmpc_clip(real value, real least, real most);
 struct kmpc_iterate {
     real states[KMPC_N + 1][3], inputs[KMPC_N][2], duals[KMPC_ROWS];
 };

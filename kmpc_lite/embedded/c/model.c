@@ -2,6 +2,7 @@
 #include "core.h"
 
 #include <math.h>
+#include <string.h>
 
 #define K kmpc_numbers
 
@@ -106,10 +107,16 @@ void kmpc_model_predict(const real *states, const real *window, int count, real 
     }
 }
 
-void kmpc_model_rollout(const real *here, const real *window, int count, real *states)
+void kmpc_model_rollout(const real *here, const real *past, const real *commands, int count,
+                        int periods, real *states)
 {
-    for (int i = 0; i < 3; i++)
-        states[i] = here[i];
-    for (int k = 0; k < count; k++)
-        kmpc_model_predict(states + 3 * k, window + 2 * k, 1, states + 3 * (k + 1));
+    real window[2 * (KMPC_L + 1)] = {0}; /* the commands that act in a period, oldest first */
+    memcpy(window, past + 2 * (KMPC_PAST - KMPC_L), 2 * KMPC_L * sizeof(real));
+    memcpy(states, here, 3 * sizeof(real));
+    for (int k = 0; k < periods; k++, states += 3) {
+        for (int i = 0; i < 2; i++)
+            window[2 * KMPC_L + i] = k < count ? commands[2 * k + i] : 0;
+        kmpc_model_predict(states, window, 1, states + 3);
+        memmove(window, window + 2, 2 * KMPC_L * sizeof(real));
+    }
 }

@@ -133,12 +133,8 @@ static int ends_after(const struct kmpc_motion_to_rest *motion)
 static int rolled_out(const real *here, const real *past, const struct kmpc_motion_to_rest *motion,
                       real *states)
 {
-    static real window[2 * (KMPC_L + KMPC_T + KMPC_L)];
     const int length = ends_after(motion), periods = length + KMPC_L;
-    memset(window, 0, sizeof(window));
-    memcpy(window, past + 2 * (KMPC_PAST - KMPC_L), 2 * KMPC_L * sizeof(real));
-    memcpy(window + 2 * KMPC_L, motion->commands[0], 2 * (size_t)length * sizeof(real));
-    kmpc_model_rollout(here, window, periods, states);
+    kmpc_model_rollout(here, past, motion->commands[0], length, periods, states);
     return periods;
 }
 
@@ -440,10 +436,7 @@ int kmpc_find_motion(real *states, real *inputs, const real *past, int things, c
         return 1;
     *slowed = 1;
     memcpy(inputs, found->commands[0], 2 * sizeof(real));
-    real window[2 * (KMPC_L + KMPC_N)];
-    memcpy(window, past + 2 * (KMPC_PAST - KMPC_L), 2 * KMPC_L * sizeof(real));
-    memcpy(window + 2 * KMPC_L, inputs, 2 * KMPC_N * sizeof(real));
-    kmpc_model_rollout(here, window, KMPC_N, states);
+    kmpc_model_rollout(here, past, inputs, KMPC_N, KMPC_N, states);
     return 1;
 }
 

@@ -41,7 +41,7 @@ void kmpc_rate_limit(const real *last, real *command)
             command[i] = last[i] + share * (command[i] - last[i]);
 }
 
-static real clip(real value, real least, real most)
+real kmpc_clip(real value, real least, real most)
 {
     return value < least ? least : value > most ? most : value;
 }
@@ -196,8 +196,8 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         for (int i = 0; i < 2; i++) {
             real u = x[inputs + 2 * k + i];
             if (!k && K.limits_changes)
-                u = clip(u, last[i] - K.change[i], last[i] + K.change[i]);
-            found->inputs[k][i] = clip(u, K.u_min[i], K.u_max[i]);
+                u = kmpc_clip(u, last[i] - K.change[i], last[i] + K.change[i]);
+            found->inputs[k][i] = kmpc_clip(u, K.u_min[i], K.u_max[i]);
         }
     }
     return NULL;
@@ -255,7 +255,7 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *refe
             if (K.limits_changes) {
                 const real reach = (real)(k + 1) * K.change[i];
                 iterate->inputs[k][i] =
-                    clip(iterate->inputs[k][i], last[i] - reach, last[i] + reach);
+                    kmpc_clip(iterate->inputs[k][i], last[i] - reach, last[i] + reach);
             }
             window[2 * (KMPC_L + k) + i] = iterate->inputs[k][i];
         }

@@ -31,7 +31,7 @@ static int finite_all(const real *numbers, int count)
 
 static real within(real value, int i)
 {
-    return value < K.u_min[i] ? K.u_min[i] : value > K.u_max[i] ? K.u_max[i] : value;
+    return kmpc_clip(value, K.u_min[i], K.u_max[i]);
 }
 
 /* What a step sees, in the robot's units, its heading within one turn. */
@@ -172,7 +172,7 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
                  struct kmpc_plan *plan)
 {
     static real states[3 * (KMPC_T + KMPC_L + 1)], shown[3 * (KMPC_N + 1)], inputs[2 * KMPC_N];
-    static real window[2 * (KMPC_L + KMPC_T + KMPC_L)], ramp[2 * KMPC_T];
+    static real ramp[2 * KMPC_T];
     const real *here = seen->pose_is_known ? seen->pose : robot->expected;
     int blocked = 0;
     plan->passes = passes;
@@ -180,10 +180,7 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
     memset(inputs, 0, sizeof(inputs));
     if (robot->resting && (seen->pose_is_known || robot->expects)) {
         const int periods = robot->resting + KMPC_L;
-        memset(window, 0, sizeof(window));
-        memcpy(window, robot->past[KMPC_PAST - KMPC_L], 2 * KMPC_L * sizeof(real));
-        memcpy(window + 2 * KMPC_L, robot->rest[0], 2 * (size_t)robot->resting * sizeof(real));
-        kmpc_model_rollout(here, window, periods, states);
+        kmpc_model_rollout(here, robot->past[0], robot->rest[0], robot->resting, periods, states);
         blocked =
             !(kmpc_clearance_along(states, periods + 1, seen->things, seen->thing) >= 0);
         if (!blocked && finite_all(states, 3 * (periods + 1))) {
@@ -239,17 +236,15 @@ static int verify(const struct kmpc *robot, const struct seen *seen, struct kmpc
         return 0;
     }
     const int contradicted = !(result->defect <= K.accepted_defect);
-    real command[2] = {plan->inputs[0][0], plan->inputs[0][1]};
+    real here[3], command[2] = {plan->inputs[0][0], plan->inputs[0][1]};
     if (contradicted)
         result->reason = "rolled out anew: the model contradicted the plan";
     if (K.limits_changes)
         kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
     if (contradicted || command[0] != plan->inputs[0][0] || command[1] != plan->inputs[0][1]) {
-        real window[2 * (KMPC_L + KMPC_N)];
         memcpy(plan->inputs[0], command, sizeof(command));
-        memcpy(window, robot->past[KMPC_PAST - KMPC_L], 2 * KMPC_L * sizeof(real));
-        memcpy(window + 2 * KMPC_L, plan->inputs[0], 2 * KMPC_N * sizeof(real));
-        kmpc_model_rollout(plan->states[0], window, KMPC_N, plan->states[0]);
+        memcpy(here, plan->states[0], sizeof(here));
+        kmpc_model_rollout(here, robot->past[0], plan->inputs[0], KMPC_N, KMPC_N, plan->states[0]);
         if (!finite_all(plan->states[0], 3 * (KMPC_N + 1)))
             return 0;
         memcpy(result->next_state, plan->states[1], 3 * sizeof(real));

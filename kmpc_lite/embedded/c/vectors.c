@@ -23,8 +23,6 @@ int main(void)
         for (int j = 0; j < 3; j++) {
             input.pose[j] = vector_pose[i][j];
             input.goal[j] = vector_goal[i][j];
-            if (input.pose[j] >= (real)1e30 || input.pose[j] <= (real)-1e30)
-                input.pose[j] = (real)NAN; /* how the vectors write it */
         }
         kmpc_step(&robot, &input, &plan);
         other += (int)plan.status != vector_status[i];

@@ -88,10 +88,10 @@ class ResponseDictionary(LiftedAsBase):
         self.limits = _two("limits", limits)
         self._history = max(len(self.speed), len(self.turn)) - 1
         # (1 + L, 2), newest first; the past ones oldest first too, as histories come
-        self._kernel = np.zeros((1 + self._history, INPUTS))
-        self._kernel[: len(self.speed), 0] = self.speed
-        self._kernel[: len(self.turn), 1] = self.turn
-        self._past = np.ascontiguousarray(self._kernel[:0:-1])
+        self.kernel = np.zeros((1 + self._history, INPUTS))
+        self.kernel[: len(self.speed), 0] = self.speed
+        self.kernel[: len(self.turn), 1] = self.turn
+        self._past = np.ascontiguousarray(self.kernel[:0:-1])
         self._columns = np.array([TERMS.index(t) for t in self.terms])
 
     @property
@@ -106,7 +106,7 @@ class ResponseDictionary(LiftedAsBase):
 
     def answered(self, u: Array, history: Array | None = None) -> Array:
         """Filtered commands (vbar, omegabar), (..., 2): what the motors make of the commands."""
-        now: Array = u * self._kernel[0]
+        now: Array = u * self.kernel[0]
         if history is None or not self._history:
             return now
         past: Array = now + (history * self._past).sum(axis=-2)
@@ -124,7 +124,7 @@ class ResponseDictionary(LiftedAsBase):
         slopes = differentiate_terms(self.answered(u, history), self.smoothing, self.limits)[
             ..., self._columns, :
         ]
-        jac: Array = slopes[..., None, :] * self._kernel
+        jac: Array = slopes[..., None, :] * self.kernel
         return jac
 
     def config(self) -> dict[str, Any]:

@@ -132,7 +132,7 @@ def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> N
     # its headings lead aside by a hair
     assert one == pytest.approx(wary.margin(0.6, 0.3), rel=1e-3)
     lasting = 0.6**2 * felt.lasting_trace[0] + 0.3**2 * felt.lasting_trace[1]
-    whole = 0.6**2 * felt.command_trace[0] + 0.3**2 * felt.command_trace[1]
+    whole = 0.6**2 * felt.position_errors[0] + 0.3**2 * felt.position_errors[1]
     rare, usual = check._noise.step_quantile, check._noise.quantile
     expected = (4 * rare**2 * (whole - lasting) + 16 * usual**2 * lasting) ** 0.5
     assert usual < rare and four - solver == pytest.approx(expected, rel=1e-2)

@@ -71,13 +71,13 @@ def test_a_qp_gets_some_time_even_past_the_deadline(monkeypatch: pytest.MonkeyPa
 
 def test_another_pass_follows_while_the_model_contradicts_the_plan() -> None:
     sqp = SQP(PROBLEM, 0)
-    tolerated = sqp._tolerated
+    tolerated = sqp.tolerated
     guess = along(sqp.qp, GOAL, np.array((0.0, 0.0, -2.5)))
     found = sqp.solve(guess, TASK)
     assert 1 < found.passes <= MOST_PASSES and found.defect <= tolerated
-    sqp._tolerated = np.inf
+    sqp.tolerated = np.inf
     assert sqp.solve(guess, TASK).passes == 1
-    sqp._tolerated = 0.0
+    sqp.tolerated = 0.0
     assert sqp.solve(guess, TASK).passes == MOST_PASSES
 
 
