@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.types import Array
+from kmpc_lite.types import STATES, Array
 
 POSITION_LIMIT = 1e4
 """A pose, a goal or an obstacle farther out [m], or a faster speed [m/s, rad/s], is taken for a
@@ -31,6 +31,27 @@ def to_numbers(name: str, values: ArrayLike) -> Array:
         return np.array(values, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected numbers: {error}") from error
+
+
+def step_numbers(
+    x: ArrayLike, goal: ArrayLike, sent: ArrayLike | None, inputs: int
+) -> tuple[Array, Array, Array | None]:
+    """Pose (3,), goal (3,) and command sent (inputs,) of a step, as numbers of any value.
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes and what is no numbers, and for nothing else.
+    """
+    pose, target = to_numbers("x", x), to_numbers("goal", goal)
+    if pose.shape != (STATES,) or target.shape != (STATES,):
+        raise ValueError(
+            f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
+        )
+    command = None if sent is None else to_numbers("sent", sent)
+    if command is not None and command.shape != (inputs,):
+        raise ValueError(f"sent: expected shape ({inputs},), got {command.shape}")
+    return pose, target, command
 
 
 def is_plausible(pose: Array) -> bool:

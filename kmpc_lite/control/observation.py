@@ -14,7 +14,7 @@ from kmpc_lite.control.input_checks import (
     are_plausible,
     first_implausible,
     is_plausible,
-    to_numbers,
+    step_numbers,
 )
 from kmpc_lite.control.kernels.clearance import COLUMNS, SPREAD_RATE, things_of
 from kmpc_lite.control.options import ObstacleOptions
@@ -119,14 +119,7 @@ class Admission:
         ValueError
             For wrong shapes and what is no numbers, and for nothing else.
         """
-        pose, target = to_numbers("x", x), to_numbers("goal", goal)
-        if pose.shape != (STATES,) or target.shape != (STATES,):
-            raise ValueError(
-                f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
-            )
-        command = None if sent is None else to_numbers("sent", sent)
-        if command is not None and command.shape != (self._scale.inputs,):
-            raise ValueError(f"sent: expected shape ({self._scale.inputs},), got {command.shape}")
+        pose, target, command = step_numbers(x, goal, sent, self._scale.inputs)
         if command is not None and not is_plausible(command):
             command = np.full(len(command), np.nan)  # nobody knows what was sent
         refusal = too_many(obstacles, self._most)

@@ -16,19 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.input_checks import to_numbers
+from kmpc_lite.control.input_checks import step_numbers
 from kmpc_lite.control.plan import PlanStatus
-from kmpc_lite.control.world.circles import Circle
-from kmpc_lite.control.world.occupancy import OccupancyGrid
-from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.control.world.circles import Circle, circles_to_array
+from kmpc_lite.control.world.scene import PREPARED
 from kmpc_lite.embedded.vectors import STATUSES
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import INPUTS, STATES, Array
 
 ABOUT, LIBRARY = "kmpc.json", "libkmpc.so"
-MOST_CIRCLES = 4096
-"""Rows that are handed over at all; the C code refuses more than it has room for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +96,10 @@ class CompiledController:
         ValueError
             For wrong shapes, and for nothing else.
         """
-        pose, target = to_numbers("x", x), to_numbers("goal", goal)
-        if pose.shape != (STATES,) or target.shape != (STATES,):
-            raise ValueError(
-                f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
-            )
-        circles = _rows(obstacles)
-        command = None if sent is None else to_numbers("sent", sent)
-        if command is not None and command.shape != (INPUTS,):
-            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+        pose, target, command = step_numbers(x, goal, sent, INPUTS)
+        if isinstance(obstacles, Sequence) and any(isinstance(o, PREPARED) for o in obstacles):
+            raise ValueError("obstacles: an exported controller drives past circles alone")
+        circles = circles_to_array(obstacles)
         kind = np.float32 if self._real is ctypes.c_float else np.float64
         rows = np.ascontiguousarray(circles, dtype=kind)
         last = None if command is None else np.ascontiguousarray(command, dtype=kind)
@@ -166,22 +157,6 @@ def _load(library: Path) -> ctypes.CDLL:
         shutil.copy(library, own)
         # what is loaded stays, without its file
         return ctypes.CDLL(str(own))
-
-
-def _rows(obstacles: Sequence[Circle] | ArrayLike) -> Array:
-    """Rows (M, 5) of circles, given as objects or as an array (M, 3) or (M, 5)."""
-    given: list[Any] = list(obstacles) if isinstance(obstacles, Sequence) else []
-    if given and all(isinstance(o, Circle) for o in given):
-        rows = np.array([(o.x, o.y, o.radius, o.vx, o.vy) for o in given], dtype=float)
-    elif any(isinstance(o, Polygon | Wall | OccupancyGrid | LaserScan) for o in given):
-        raise ValueError("obstacles: an exported controller drives past circles alone")
-    else:
-        rows = to_numbers("obstacles", obstacles)  # type: ignore[arg-type]
-    if not rows.size:
-        return np.empty((0, 5))
-    if rows.ndim != 2 or rows.shape[1] not in (3, 5) or len(rows) > MOST_CIRCLES:
-        raise ValueError(f"obstacles: expected shape (M, 3) or (M, 5), got {rows.shape}")
-    return np.hstack([rows, np.zeros((len(rows), 5 - rows.shape[1]))])
 
 
 def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:

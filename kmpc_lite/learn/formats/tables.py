@@ -182,10 +182,10 @@ def _as_turns(
         wheelbase = find_wheelbase(time[~left_out], poses[~left_out], angles)
     kept["omega"] = kept["v"] * np.tan(angles) / wheelbase
     largest = float(np.abs(angles).max())
+    radius = abs(wheelbase) / math.tan(largest)
     notes = [
         f"a car: wheelbase {abs(wheelbase):.2f} m; it steers by at most {largest:.2f} rad, turning "
-        f"radius {abs(wheelbase) / math.tan(largest):.2f} m: "
-        f'wheels = {{kind = "car", turning_radius = {abs(wheelbase) / math.tan(largest):.2f}}}'
+        f'radius {radius:.2f} m: wheels = {{kind = "car", turning_radius = {radius:.2f}}}'
     ]
     if left_out.any():
         steps = np.diff(time, prepend=time[0])

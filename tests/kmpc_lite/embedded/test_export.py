@@ -114,14 +114,15 @@ def test_nothing_that_comes_in_is_answered_by_more_than_bounds(both):
 
 def test_wrong_shapes_are_refused(both):
     _, exported = both
-    for wrong in (
-        {"x": (0.0, 0.0), "goal": (1.0, 0.0, 0.0)},
-        {"x": (0.0, 0.0, 0.0), "goal": (1.0, 0.0, 0.0), "obstacles": [(1.0, 2.0)]},
-        {"x": (0.0, 0.0, 0.0), "goal": (1.0, 0.0, 0.0), "sent": (1.0,)},
-        {"x": (0.0, 0.0, 0.0), "goal": (1.0, 0.0, 0.0), "obstacles": [kl.Wall(0, 0, 1, 1)]},
+    here, goal = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    for wrong, told in (
+        (((0.0, 0.0), goal), r"x and goal: expected shape \(3,\) each, got \(2,\)"),
+        ((here, goal, [(1.0, 2.0)]), r"expected circles, or an array .* got shape \(1, 2\)"),
+        ((here, goal, (), (1.0,)), r"sent: expected shape \(2,\), got \(1,\)"),
+        ((here, goal, [kl.Wall(0, 0, 1, 1)]), "drives past circles alone"),
     ):
-        with pytest.raises(ValueError, match="expected shape|circles alone"):
-            exported.step(**wrong)
+        with pytest.raises(ValueError, match=told):
+            exported.step(*wrong)
     around = [kl.Circle(1.0, 0.0, 0.2)]
     assert exported.step((0, 0, 0), (2, 0, 0), around).status.name in ("SOLVED", "FEASIBLE")
 
