@@ -118,7 +118,7 @@ class Reading:
     stamp: float
     """[s]"""
     speeds: tuple[float, float] | None
-    """Of the wheels (left, right) [rad/s]; None where the board does not tell."""
+    """Of the wheels (left, right) [rad/s]; None if the board does not tell."""
 
 
 class WheelOdometry:
@@ -215,7 +215,7 @@ class WheelOdometry:
         self.theta = math.remainder(self.theta + turn, math.tau)
 
     def _turned(self, before: Reading, now: Reading) -> tuple[float, float] | None:
-        """How far the wheels (left, right) turned [rad]; None where no wheel can have."""
+        """How far the wheels (left, right) turned [rad]; None if no wheel can have."""
         first, second = now.counts[0] - before.counts[0], now.counts[1] - before.counts[1]
         if self._wraps:
             first, second = wrapped(first), wrapped(second)

@@ -40,7 +40,7 @@ def is_number(value: object) -> bool:
 
 
 def three_numbers(values: object) -> tuple[float, float, float] | None:
-    """Three finite numbers of a list; None where it holds anything else.
+    """Three finite numbers of a list; None if it holds anything else.
 
     Examples
     --------

@@ -78,14 +78,14 @@ class ControlOptions:
     """The ``[control]`` section."""
 
     period: float | None = bounded(0.01, 1.0, "s", None)
-    """Of the controller [s]; the model's where not given."""
+    """Of the controller [s]; the model's if not given."""
     command_period: float = bounded(TICK, 0.2, "s", TICK)
     """Of commands on the wire while driving [s]."""
     latency: float | None = bounded(0.0, 0.5, "s", None)
-    """From a command on the wire to the wheels [s]; where not given `NOMINAL_LATENCY` for a model
+    """From a command on the wire to the wheels [s]; if not given `NOMINAL_LATENCY` for a model
     that knows no lag, else 0."""
     model: str | None = None
-    """File of a learned model; the nominal unicycle where not given."""
+    """File of a learned model; the nominal unicycle if not given."""
     adaptation: bool = True
     """Whether a learned model is corrected while driving where the floor contradicts it; the
     nominal one, which knows no lag, never is."""
@@ -116,7 +116,7 @@ class Robot:
     """Pose of the vehicle's own frame in the scenario's [m, m, rad]; None: the scenario's start for
     wheel odometry, else zero."""
     socket: Path | None = None
-    """Of the emergency stop; the user's default where not given."""
+    """Of the emergency stop; the user's default if not given."""
     lidar: LidarOptions | None = None
     """Its lidar, without fresh scans of which it does not drive."""
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -173,7 +173,7 @@ def load_robot(
     Parameters
     ----------
     path : path or None
-        None where all comes from the command line.
+        None if all comes from the command line.
     overrides : mapping
         Sections and keys that replace those of the file; None as a value replaces nothing.
 

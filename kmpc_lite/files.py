@@ -62,7 +62,7 @@ def read_npz(
     Raises
     ------
     OSError
-        Where the file cannot be read.
+        If the file cannot be read.
     ValueError
         For whatever is wrong with its content, in one line.
     """
@@ -151,7 +151,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises
     ------
     OSError
-        Where it cannot be written; nothing is left behind then.
+        If it cannot be written; nothing is left behind then.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():

@@ -80,7 +80,7 @@ def group(default: Any) -> Any:
 def _number(
     default: float, unit: str, zero: bool, most: float = math.inf, whole: bool = True
 ) -> Any:
-    """Finite number >= 0, or > 0, up to the most; without it where not the whole is allowed."""
+    """Finite number >= 0, or > 0, up to the most; without it if not the whole is allowed."""
     limits = {"unit": unit, "zero": zero, "most": most, "whole": whole}
     return field(default=default, metadata=limits)
 
@@ -101,7 +101,7 @@ def check(options: Any) -> None:
 
 
 def _expected(value: Any, limits: Mapping[str, Any]) -> str:
-    """What a field takes instead of a value, in words; nothing where the value is right."""
+    """What a field takes instead of a value, in words; nothing if the value is right."""
     unit = limits["unit"]
     if unit == "count":
         least, most = limits["least"], limits["most"]

@@ -104,7 +104,7 @@ def text_lines(path: str | os.PathLike[str], longest: int) -> Generator[str, Non
     Raises
     ------
     OSError
-        Where the file cannot be read.
+        If the file cannot be read.
     ValueError
         For a longer line; names it.
     """
@@ -123,7 +123,7 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises
     ------
     OSError
-        Where the file cannot be read, or is longer than `MAX_TOML_BYTES`.
+        If the file cannot be read, or is longer than `MAX_TOML_BYTES`.
     ValueError
         For what is not TOML.
     """

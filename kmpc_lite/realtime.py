@@ -18,7 +18,7 @@ def prepare_process(cpu: int | None = None, priority: int | None = 50) -> list[s
     Parameters
     ----------
     cpu : int, optional
-        Core to pin to; none where not given.
+        Core to pin to; none if not given.
     priority : int, optional
         Of SCHED_FIFO, 1 to 99; None leaves the scheduler alone.
 

@@ -65,7 +65,7 @@ def course(
     watch : callable, optional
         Receives each pose and plan.
     wait : float, optional
-        How long the vehicle may take until it drives [s]; `seconds` where not given.
+        How long the vehicle may take until it drives [s]; `seconds` if not given.
     rehearse : bool
         Whether it drives at half the speed that limits and model allow.
     wishes : Wishes
@@ -245,7 +245,7 @@ cannot be true; one that only seems to touch, for a pose's noise or a map's, may
 
 
 def misplaced(scenario: Any, pose: Pose) -> str:
-    """Say that a robot at a pose [m, m, rad] stands inside an obstacle; empty where it does not."""
+    """Say that a robot at a pose [m, m, rad] stands inside an obstacle; empty if it does not."""
     import numpy as np
 
     from kmpc_lite.scenario.gaps import obstacle_gaps

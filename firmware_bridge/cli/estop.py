@@ -48,7 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask the running bridges; where none runs, keep the next one from driving."""
+    """Ask the running bridges; if none runs, keep the next one from driving."""
     assert options.word in WORDS
     answers = [_ask(path, options.word) for path in _sockets(options)]
     heard = any(answer["gate"] is not None for answer in answers)

@@ -79,7 +79,7 @@ def asked_views(options: argparse.Namespace) -> Views:
 
 
 def live_address(options: argparse.Namespace) -> LiveAddress | None:
-    """Where the page is to be served; None where none is asked for."""
+    """Where the page is to be served; None if none is asked for."""
     if not (options.live or options.live_port is not None or options.live_host):
         return None
     from firmware_bridge.live.address import LiveAddress

@@ -128,7 +128,7 @@ def _with_braking(
 
 
 def with_latency(robot: Robot, model: kl.KoopmanModel | None) -> tuple[Robot, str]:
-    """Choose a latency where none is given: the model's lag, its log's delay, or the driver's own.
+    """Choose a latency if none is given: the model's lag, its log's delay, or the driver's own.
 
     The text says so, where it matters.
     """

@@ -35,7 +35,7 @@ def recording_to(folder: Path | None) -> Iterator[str | None]:
     Raises
     ------
     ConfigError
-        Where it cannot be made.
+        If it cannot be made.
     """
     if folder is None:
         yield None

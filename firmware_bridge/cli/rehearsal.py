@@ -56,7 +56,7 @@ def record_file(model: str) -> Path:
 
 
 def known_rehearsal(robot: Robot) -> Known | None:
-    """What is known of the robot's model on this vehicle; None where it was never rehearsed.
+    """What is known of the robot's model on this vehicle; None if it was never rehearsed.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def advice(robot: Robot, rehearse: bool) -> tuple[bool, tuple[str, ...]]:
     ------
     ConfigError
         For a model that has failed its rehearsal, unless it is rehearsed again, or trusted; and
-        where there is no model to rehearse.
+        if there is no model to rehearse.
     """
     model = robot.control.model
     if model is None:

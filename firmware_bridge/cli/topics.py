@@ -35,7 +35,7 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
 
 
 def node_options(options: argparse.Namespace, name: str, *connect: str) -> NodeOptions:
-    """Read which node, and where the network is; `connect` where no option tells."""
+    """Read which node, and where the network is; `connect` if no option tells."""
     from firmware_bridge.ros2.node import NodeOptions
 
     return NodeOptions(

@@ -17,7 +17,7 @@ class Transport(Protocol):
         ...
 
     def write(self, data: bytes) -> bool:
-        """Queue one whole frame; a full queue drops its oldest. False where the link is down."""
+        """Queue one whole frame; a full queue drops its oldest. False if the link is down."""
         ...
 
     @property

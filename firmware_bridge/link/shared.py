@@ -32,7 +32,7 @@ class Rules(Protocol):
         ...
 
     def judge(self, frame: bytes) -> str:
-        """Say why a frame must not pass; empty where it may."""
+        """Say why a frame must not pass; empty if it may."""
         ...
 
     def tell(self, text: str) -> bytes:

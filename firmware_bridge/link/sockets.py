@@ -111,7 +111,7 @@ class UdpPort:
         return data
 
     def write(self, data: memoryview) -> int:
-        """Send one datagram; it is lost where there is no peer yet or its buffer is full."""
+        """Send one datagram; it is lost if there is no peer yet or its buffer is full."""
         try:
             if self._connected:
                 self._socket.send(data)

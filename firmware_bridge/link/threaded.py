@@ -70,7 +70,7 @@ class ThreadedTransport:
         Frames that wait at most; one more drops the oldest. Frames still waiting when the link is
         lost are dropped too, so that no old command is sent after it returns.
     ration : Ration, optional
-        What may be read; the usual one where not given.
+        What may be read; the usual one if not given.
     """
 
     def __init__(

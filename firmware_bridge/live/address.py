@@ -97,7 +97,7 @@ class LiveAddress:
 
 
 def _outward(host: str) -> str:
-    """Address of this computer towards others; empty where there is no network."""
+    """Address of this computer towards others; empty if there is no network."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     target = ("2001:db8::1", 9) if family == socket.AF_INET6 else NOBODY
     with socket.socket(family, socket.SOCK_DGRAM) as probe:

@@ -38,7 +38,7 @@ class Channel:
         return cls(socket.socket(fileno=descriptor))
 
     def send(self, packet: Packet) -> bool:
-        """Send a packet; False where it was left out: too long, or the other end is busy or gone.
+        """Send a packet; False if it was left out: too long, or the other end is busy or gone.
 
         Raises
         ------
@@ -54,12 +54,12 @@ class Channel:
             return False
 
     def receive(self) -> Packet | None:
-        """Give the next packet, None where there is none yet.
+        """Give the next packet, None if there is none yet.
 
         Raises
         ------
         EOFError
-            Where the other end is gone.
+            If the other end is gone.
         """
         try:
             data = self.socket.recv(LONGEST)

@@ -63,14 +63,14 @@ class Request:
 
 
 async def read_request(reader: asyncio.StreamReader, patience: float = PATIENCE) -> Request | None:
-    """Read one request within so long [s]; None where the client left without a word.
+    """Read one request within so long [s]; None if the client left without a word.
 
     Raises
     ------
     BadRequest
         For anything that is malformed, too long, or of another protocol.
     TimeoutError
-        Where it takes too long.
+        If it takes too long.
     """
     async with asyncio.timeout(patience):
         try:

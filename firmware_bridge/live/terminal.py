@@ -23,7 +23,7 @@ RED, GREEN, BOLD, PLAIN = "\x1b[31m", "\x1b[32m", "\x1b[1m", "\x1b[0m"
 class View:
     """Draws the newest state of a loop five times a second on a terminal.
 
-    Where there is no terminal it tells changes of state only.
+    If there is no terminal it tells changes of state only.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class Viewer:
     Raises
     ------
     LiveError
-        Where the port is taken.
+        If the port is taken.
     """
 
     def __init__(self, port: int = PORT) -> None:

@@ -124,7 +124,7 @@ class Watcher:
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
 
     def offer(self, text: str, now: float) -> bool:
-        """Send an event if the last one has left; False where the watcher is stuck or gone."""
+        """Send an event if the last one has left; False if the watcher is stuck or gone."""
         transport = self._writer.transport
         if transport.is_closing():
             return False
@@ -156,7 +156,7 @@ class Watchers:
         return len(self._all)
 
     def add(self, writer: asyncio.StreamWriter) -> Watcher | None:
-        """Take one more, and show it everything; None where there are too many."""
+        """Take one more, and show it everything; None if there are too many."""
         if len(self._all) >= MOST:
             return None
         watcher = Watcher(writer, time.monotonic())

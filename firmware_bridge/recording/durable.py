@@ -42,7 +42,7 @@ class DurableFile(Generic[T]):
     Raises
     ------
     ConfigError
-        Where the file exists or cannot be made.
+        If the file exists or cannot be made.
     """
 
     def __init__(

@@ -58,7 +58,7 @@ class Excitation:
     limits : Limits
         Commands stay within.
     hold : float, optional
-        How long a random command is held [s]; where not given, as long as the robot takes to
+        How long a random command is held [s]; if not given, as long as the robot takes to
         answer and to change its speed, now longer, now shorter.
     seconds : float
         Length of the recording [s]: all scenarios come within it.
@@ -74,7 +74,7 @@ class Excitation:
     Raises
     ------
     ConfigError
-        Where the fence is too small for the robot.
+        If the fence is too small for the robot.
     """
 
     def __init__(

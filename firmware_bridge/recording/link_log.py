@@ -35,7 +35,7 @@ class Chunk(NamedTuple):
     time: float
     """[s], of whatever clock the log has."""
     incoming: bool | None
-    """From the board; None where the log does not tell."""
+    """From the board; None if the log does not tell."""
     data: bytes
 
 

@@ -125,7 +125,7 @@ class RowSampler:
         return None
 
     def _command(self, start: float, end: float) -> tuple[float, float] | None:
-        """Mean command from `start` to `end` [s]; None where it is not known all that time."""
+        """Mean command from `start` to `end` [s]; None if it is not known all that time."""
         held = (
             [(s.stamp, s.v, s.omega) for s in self._poses if _finite(s)]
             if self.by_hand

@@ -82,7 +82,7 @@ def inspect_csv(path: Path, mend: bool) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        Where the file is no CSV of a recorder: it is left as it is.
+        If the file is no CSV of a recorder: it is left as it is.
     """
     with open_regular(path) as file:
         first = file.readline(MAX_REMARK)

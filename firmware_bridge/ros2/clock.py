@@ -75,7 +75,7 @@ class RosClock:
         return way + self._system() - now
 
     def problem(self, now: float) -> str:
-        """Why simulated time cannot be driven by, empty where it can."""
+        """Why simulated time cannot be driven by, empty if it can."""
         if not self.simulated:
             return ""
         told = tuple(self._told)

@@ -91,7 +91,7 @@ def run(
     errand : Errand
         Where to, and for how long.
     out : text stream, optional
-        For people; nothing is written where not given.
+        For people; nothing is written if not given.
     """
 
     def controller(state: State) -> VelocityCommand:

@@ -32,7 +32,7 @@ class Ros2Driver:
     options : Ros2Options
         What it listens to.
     inputs : Inputs, optional
-        Take what it hears; its own where not given.
+        Take what it hears; its own if not given.
     is_wanted : callable, optional
         Whether there is a goal: without one, others may command the robot.
     clock : callable

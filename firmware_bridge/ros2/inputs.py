@@ -126,14 +126,14 @@ class Inputs:
         return self.pose.state(now)
 
     def obstacles(self, at: float, now: float) -> list[Any] | None:
-        """Obstacles for a robot whose pose is of the time `at` [s]; None where one is missing."""
+        """Obstacles for a robot whose pose is of the time `at` [s]; None if one is missing."""
         grids = [grid.grid for grid in self.grids]
         scans = [scan.scan(at, now) for scan in self.scans]
         found = [*grids, *scans]
         return None if any(one is None for one in found) else found
 
     def problems(self, now: float) -> tuple[str, ...]:
-        """Why the robot must not drive by its map or its time, in words; empty where it may."""
+        """Why the robot must not drive by its map or its time, in words; empty if it may."""
         found = (
             self.clock.problem(now),
             self.pose.filter.fault(now),
@@ -142,12 +142,12 @@ class Inputs:
         return tuple(text for text in found if text)
 
     def blind(self, now: float) -> tuple[str, ...]:
-        """Why scanners do not tell what is around the robot, in words; empty where all do."""
+        """Why scanners do not tell what is around the robot, in words; empty if all do."""
         found = (scan.problem(now) for scan in self.scans)
         return tuple(text for text in found if text)
 
     def clock_offset(self, now: float) -> float | None:
-        """How far our system's clock is ahead of the odometry's [s]; None where not known."""
+        """How far our system's clock is ahead of the odometry's [s]; None if not known."""
         way = self.pose.filter.shortest_way
         if self._options.simulated_time or math.isnan(way):
             return None

@@ -65,7 +65,7 @@ class GoalNavigator:
     def __call__(self, state: State, held: tuple[float, float] | None) -> VelocityCommand:
         """Plan from a pose.
 
-        `held` is the mean command on the wire since the last plan [m/s, rad/s], None where it is
+        `held` is the mean command on the wire since the last plan [m/s, rad/s], None if it is
         not known.
         """
         now = self._clock()

@@ -124,7 +124,7 @@ class Subscription:
     def take(self) -> tuple[Any, int] | None:
         """Take the oldest message that is kept, decoded, and its size [bytes].
 
-        The message is None where it is malformed. Without any there is nothing to take. Never
+        The message is None if it is malformed. Without any there is nothing to take. Never
         raises.
         """
         try:

@@ -124,7 +124,7 @@ class GridInput:
             self.refused = f"{self.name}: {error}"
 
     def problem(self, now: float) -> str:
-        """Why the robot must not drive by this map, empty where it may."""
+        """Why the robot must not drive by this map, empty if it may."""
         if self.refused:
             return self.refused
         if self.grid is None:
@@ -149,7 +149,7 @@ class ScanInput:
     longest : float
         Past this age of a scan a robot brakes [s]; one that is `GRACE` times as old is not used.
     mount : tuple, optional
-        x, y [m] and heading [rad] of the scanner on the robot; of TF where not given.
+        x, y [m] and heading [rad] of the scanner on the robot; of TF if not given.
     """
 
     def __init__(
@@ -194,7 +194,7 @@ class ScanInput:
         return _scan(message, mount[:3], mount.upright < 0.0, age)
 
     def problem(self, now: float) -> str:
-        """Why the robot must not drive by this scanner, empty where it may."""
+        """Why the robot must not drive by this scanner, empty if it may."""
         if self.refused:
             return self.refused
         if self._message is None:
@@ -207,7 +207,7 @@ class ScanInput:
         return ""
 
     def _place(self, now: float) -> Planar | None:
-        """Where the scanner sits on the robot; None where that is not known, or where it tilts."""
+        """Where the scanner sits on the robot; None if that is not known, or where it tilts."""
         if self._mount is not None:
             return Planar(*self._mount, 1.0)
         message = self._message

@@ -53,7 +53,7 @@ class Ros2Options:
     transform_age: float = bounded(0.1, 60.0, "s", 2.0)
     """A transform that moves and has not come for so long is not believed [s]."""
     mount: tuple[float, float, float] | None = None
-    """Where the scanner sits on the robot: x, y [m], heading [rad]; of TF where not given."""
+    """Where the scanner sits on the robot: x, y [m], heading [rad]; of TF if not given."""
     grid: GridOptions = field(default_factory=GridOptions)
 
     def __post_init__(self) -> None:
@@ -61,7 +61,7 @@ class Ros2Options:
         check(self)
 
     def topic(self, role: str) -> str | None:
-        """Name of the one topic for something; None where it is left out."""
+        """Name of the one topic for something; None if it is left out."""
         names = self.topics[role]
         return names[0] if names else None
 

@@ -105,7 +105,7 @@ class PoseInput:
         return replace(newest, x=at.x, y=at.y, theta=at.theta)
 
     def problem(self, now: float) -> str:
-        """Why there is no pose, in words; empty where there is one."""
+        """Why there is no pose, in words; empty if there is one."""
         if self._newest is None:
             return "no odometry yet" if not self.refused else "odometry is not finite"
         if self.state(now) is None:

@@ -24,7 +24,7 @@ class Reader:
     sources : sequence
         Subscriptions with the receivers of their messages.
     pause : float
-        Between looks where there was nothing [s].
+        Between looks if there was nothing [s].
     then : callable, optional
         Called with the time after each look: makes grids of maps.
     clock : callable

@@ -74,7 +74,7 @@ class Transforms:
         return self._links.get(bare(frame))
 
     def lookup(self, target: str, source: str, now: float) -> Matrix | None:
-        """Where the source frame lies in the target; None where no chain of fresh ones leads there.
+        """Where the source frame lies in the target; None if no chain of fresh ones leads there.
 
         The newest transforms are used, whatever their stamps.
         """

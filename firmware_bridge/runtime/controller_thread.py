@@ -135,7 +135,7 @@ class Planner:
         behind it [s]."""
         self.held: tuple[float, float] | None = None
         """Mean command on the wire since the controller's last step, for a controller that uses
-        it; None where it is not known."""
+        it; None if it is not known."""
         self._asked = -math.inf
         self.errors = 0
         """How often the controller raised."""
@@ -193,7 +193,7 @@ class Planner:
         self._thread.start()
 
     def stop(self, timeout: float = 0.5) -> bool:
-        """Stop asking; False where the controller still hangs after `timeout` [s]."""
+        """Stop asking; False if the controller still hangs after `timeout` [s]."""
         self._quit.set()
         if self._thread is not None:
             self._thread.join(timeout)

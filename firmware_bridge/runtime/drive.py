@@ -65,7 +65,7 @@ def run(
     output : str, optional
         Record to files of this name.
     out : text stream, optional
-        For people; nothing is written where not given.
+        For people; nothing is written if not given.
     notes : tuple of str
         Said on standard error once the board has answered, before it drives.
     watched : callable

@@ -41,7 +41,7 @@ class DriveLogs:
     Parameters
     ----------
     output : Path, optional
-        Path of the files without their endings; nothing is recorded where not given.
+        Path of the files without their endings; nothing is recorded if not given.
     """
 
     def __init__(self, output: Path | None) -> None:
@@ -63,7 +63,7 @@ class DriveLogs:
         Raises
         ------
         ConfigError
-            Where one of them exists or cannot be made.
+            If one of them exists or cannot be made.
         """
         if self._output is None:
             return transport

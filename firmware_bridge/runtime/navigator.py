@@ -31,7 +31,7 @@ class Moment:
     driving: bool = False
     """Whether commands pass the gate."""
     held: tuple[float, float] | None = None
-    """Mean command on the wire since the last plan [m/s, rad/s]; None where it is not known."""
+    """Mean command on the wire since the last plan [m/s, rad/s]; None if it is not known."""
     scan: Any = None
     """What the lidar sees from the pose; None without one, or before its first turn."""
     began: float | None = None
@@ -48,7 +48,7 @@ class Planned(NamedTuple):
     status: str
     """A word on how the plan came about."""
     reason: str = ""
-    """Why it does not drive to the goal, in words; empty where it does."""
+    """Why it does not drive to the goal, in words; empty if it does."""
 
 
 Step = Callable[[Pose, Circles, Moment], Planned]
@@ -92,7 +92,7 @@ class Navigator:
     seconds : float
         Give up after so long [s].
     wait : float, optional
-        Give up where no command has passed this long after the start [s]; `seconds` where not
+        Give up if no command has passed this long after the start [s]; `seconds` if not
         given.
     clock : callable
         [s]

@@ -85,7 +85,7 @@ def record(
     meter : callable, optional
         Tells what the log shows.
     wait : float, optional
-        How long the vehicle may take until it is driven at random [s]; `seconds` where not given.
+        How long the vehicle may take until it is driven at random [s]; `seconds` if not given.
     """
     drive = Recording(robot, seconds, period, excitation, meter, wait=wait)
     with Session(

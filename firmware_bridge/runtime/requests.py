@@ -65,7 +65,7 @@ class Requests:
 
 
 def _barred(status: LinkStatus) -> str:
-    """Why the robot may not be enabled, empty where it may."""
+    """Why the robot may not be enabled, empty if it may."""
     if not status.frame_doubt:
         return ""
     return (

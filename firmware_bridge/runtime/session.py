@@ -104,7 +104,7 @@ class Session:
     warnings : callable
         Returns notes to show once, beside the autopilot's own.
     driver : Driver, optional
-        Not yet connected, for a robot without a link of bytes; the robot file's where not given.
+        Not yet connected, for a robot without a link of bytes; the robot file's if not given.
 
     Raises
     ------

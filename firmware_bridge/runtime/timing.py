@@ -41,7 +41,7 @@ class Histogram:
         self.maximum = max(self.maximum, seconds)
 
     def quantile(self, share: float) -> float:
-        """Time [s] that a `share` of all counted times do not exceed; NaN where there are none."""
+        """Time [s] that a `share` of all counted times do not exceed; NaN if there are none."""
         if not self.count:
             return math.nan
         rank, seen = max(1, math.ceil(share * self.count)), 0
@@ -52,7 +52,7 @@ class Histogram:
         return self.maximum
 
     def share_above(self, seconds: float) -> float:
-        """Share of the counted times above a time [s], to the bin; 0 where there are none."""
+        """Share of the counted times above a time [s], to the bin; 0 if there are none."""
         longer = sum(self._bins[self._place(seconds) + 1 :])
         return longer / self.count if self.count else 0.0
 
@@ -63,7 +63,7 @@ class Histogram:
         return min(BINS, 1 + int(math.log(seconds / FLOOR) / math.log(RATIO)))
 
     def summary(self) -> dict[str, float | int | None]:
-        """Milliseconds, for people and JSON; None where nothing was counted."""
+        """Milliseconds, for people and JSON; None if nothing was counted."""
         if not self.count:
             return {"count": 0, "mean": None, "p50": None, "p99": None, "p99.9": None, "max": None}
         quantiles = {
@@ -120,7 +120,7 @@ def table(rows: Mapping[str, Histogram]) -> str:
 
 
 CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""Goes on while the computer sleeps, on Linux; where there is none, nothing tells of sleep."""
+"""Goes on while the computer sleeps, on Linux; if there is none, nothing tells of sleep."""
 SHORTEST = 0.5
 """Less sleep than this is none [s]."""
 

@@ -107,7 +107,7 @@ class EmergencyStop:
     def tell(self, state: GateState, why: tuple[str, ...] = (), barred: str = "") -> None:
         """Learn what the gate is doing and what is wrong, for `status`.
 
-        `barred` tells why `enable` is refused, empty where it is not.
+        `barred` tells why `enable` is refused, empty if it is not.
         """
         self._gate, self._why, self._barred = state, why, barred
         self._looks += 1
@@ -118,9 +118,9 @@ class EmergencyStop:
         Raises
         ------
         ConfigError
-            Where a file lies there that is no socket.
+            If a file lies there that is no socket.
         LinkError
-            Where another bridge listens there, or the socket cannot be made.
+            If another bridge listens there, or the socket cannot be made.
         """
         self._listener = Listener(self.path)
         try:
@@ -218,7 +218,7 @@ class EmergencyStop:
 
     @property
     def _refusal(self) -> str:
-        """Why the robot may not be enabled, empty where it may."""
+        """Why the robot may not be enabled, empty if it may."""
         return PRESSED if self._latched else self._barred
 
     def _reset(self) -> None:

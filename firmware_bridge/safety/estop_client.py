@@ -48,9 +48,9 @@ def ask(path: Path, word: str, timeout: float = PATIENCE) -> dict[str, Any]:
     Raises
     ------
     NoBridge
-        Where none is running.
+        If none is running.
     LinkError
-        Where it does not answer within `timeout` [s], or something else than a bridge does.
+        If it does not answer within `timeout` [s], or something else than a bridge does.
     """
     until = time.monotonic() + timeout
     while True:

@@ -31,9 +31,9 @@ class Listener:
     Raises
     ------
     ConfigError
-        Where something else than a socket lies there: it is left alone.
+        If something else than a socket lies there: it is left alone.
     LinkError
-        Where another bridge, or another program, listens there, or the socket cannot be made.
+        If another bridge, or another program, listens there, or the socket cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
@@ -126,7 +126,7 @@ class Listener:
 
 
 def _inode(path: Path) -> tuple[int, int] | None:
-    """Identity of the file at a path; None where there is none."""
+    """Identity of the file at a path; None if there is none."""
     try:
         status = path.lstat()
     except OSError:

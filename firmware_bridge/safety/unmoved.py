@@ -75,7 +75,7 @@ class Unmoved:
     ) -> str:
         """Take in the speeds [m/s, rad/s] that were held since the last look, and the newest pose.
 
-        Gives why the robot must be stopped, in words; empty where nothing is wrong.
+        Gives why the robot must be stopped, in words; empty if nothing is wrong.
         """
         if gate is GateState.ACTIVE:
             self._words = self._drive(now, held, state)

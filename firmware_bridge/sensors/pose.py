@@ -174,7 +174,7 @@ class PoseFilter:
         return ways[0][1] if ways else math.nan
 
     def nonsense(self, now: float) -> str:
-        """Say that poses come of which none is a number; empty where that is not so."""
+        """Say that poses come of which none is a number; empty if that is not so."""
         since = self._nonsense - (-math.inf if self._heard is None else self._heard)
         if now - self._nonsense > TOLD or not since > SILENCE:
             return ""
@@ -183,7 +183,7 @@ class PoseFilter:
         )
 
     def fault(self, now: float) -> str:
-        """Why nothing is believed now, empty where that is not so."""
+        """Why nothing is believed now, empty if that is not so."""
         recent = sum(now - at < STEADY for at in tuple(self._restarts))
         if recent <= RESTARTS:
             return ""

@@ -35,7 +35,7 @@ class Trail:
             self._states.append(state)
 
     def poses(self, stamps: Array) -> Array | None:
-        """Poses x, y [m], theta [rad] at times (N,) [s], (N, 3); None where none is remembered.
+        """Poses x, y [m], theta [rad] at times (N,) [s], (N, 3); None if none is remembered.
 
         Between poses they are interpolated. After the last they go on with its speeds, straight
         and turning evenly, for `AHEAD` at the most; before the first they are the first.

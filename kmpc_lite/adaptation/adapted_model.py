@@ -58,7 +58,7 @@ class Refusal(NamedTuple):
 
 
 def refuse(gains: Gains, options: AdaptationOptions, length: float) -> Refusal | None:
-    """Say why no floor can cause these gains; None where one can.
+    """Say why no floor can cause these gains; None if one can.
 
     `length` is the robot's unit of length [m].
     """

@@ -77,7 +77,7 @@ class OnlineAdaptation:
     options : AdaptationOptions, optional
         What can be tuned.
     scale : Scale, optional
-        The robot's units; those of a robot of 0.15 m and 0.6 m/s where not given.
+        The robot's units; those of a robot of 0.15 m and 0.6 m/s if not given.
 
     Raises
     ------
@@ -159,7 +159,7 @@ class OnlineAdaptation:
             multiple of 2 pi in the headings.
         history : array_like, optional
             The L commands before `u`, oldest first, (L, 2), for a model with input history; zeros
-            where not given.
+            if not given.
 
         Returns
         -------

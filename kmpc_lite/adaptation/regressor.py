@@ -85,7 +85,7 @@ class Regressor:
         after: Array,
         past: Array | None,
     ) -> list[float] | None:
-        """What one step adds to the sums, or None where it tells nothing; the raw step is kept."""
+        """What one step adds to the sums, or None if it tells nothing; the raw step is kept."""
         numbers = [*before.tolist(), *after.tolist(), *command.tolist()]
         was_after, state.after = state.after, tuple(numbers[3:6])
         if tuple(numbers[:3]) != was_after:

@@ -180,7 +180,7 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
         As `known_commands` gives them.
     words : iterable of str, optional
         Command line that is going to be parsed: only the command it names is imported. All of them
-        are where it names none, or where no command line is given.
+        are where it names none, or if no command line is given.
     """
     start = "demo" if "demo" in commands else "inspect"
     parser = Parser(

@@ -61,7 +61,7 @@ def need(what: str, *modules: str) -> None:
 
 
 def missing_extra(error: ModuleNotFoundError) -> str | None:
-    """What to say of a module that was not found; None where it belongs to no extra."""
+    """What to say of a module that was not found; None if it belongs to no extra."""
     module = (error.name or "").partition(".")[0]
     return f"{module} is not installed: {pip_line(module)}" if module in EXTRAS else None
 

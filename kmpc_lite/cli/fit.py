@@ -218,7 +218,7 @@ def learning_options(options: argparse.Namespace) -> LearningOptions:
 def read_lags(
     given: list[str] | None, product: bool, free: bool
 ) -> Literal["auto"] | list[int] | None:
-    """Read what --lags says: "auto" where nothing is said and nothing speaks against it.
+    """Read what --lags says: "auto" if nothing is said and nothing speaks against it.
 
     Raises
     ------

@@ -101,7 +101,7 @@ def add_goal_options(add: Callable[..., object], without: str) -> None:
 
 
 def goals_of(options: argparse.Namespace) -> list[tuple[float, float, float]]:
-    """Give the goals of a command line, none where the scenario's count.
+    """Give the goals of a command line, none if the scenario's count.
 
     Raises
     ------

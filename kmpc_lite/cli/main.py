@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line without the program's name; the process's own where not given.
+        Command line without the program's name; the process's own if not given.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)

@@ -51,7 +51,7 @@ class ProgressBar:
 
 
 def remaining(seconds: float | None) -> str:
-    """Put an estimate [s] into words; None where there is none yet."""
+    """Put an estimate [s] into words; None if there is none yet."""
     if seconds is None:
         return "time left not known yet"
     if seconds < 60.0:

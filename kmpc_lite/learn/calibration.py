@@ -43,7 +43,7 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
     held_out : Dataset
         Drives that the model was not fitted to.
     steps : int, optional
-        Length of a window [periods]: what the tube remembers where not given. Windows do not
+        Length of a window [periods]: what the tube remembers if not given. Windows do not
         overlap, so that they are as independent as the drives allow.
 
     Returns
@@ -55,7 +55,7 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
     Raises
     ------
     DataError
-        For another dt, or where no episode is as long as a window.
+        For another dt, or if no episode is as long as a window.
     """
     if abs(held_out.dt - model.dt) > SAME_DT * model.dt:
         raise DataError(
@@ -98,7 +98,7 @@ def conformal_quantile(values: Array, risk: float) -> float:
     """Give the smallest bound that a fresh value exceeds with a probability of at most `risk`.
 
     It holds for any distribution. It is the ``ceil((n + 1)(1 - risk))``-th smallest of n values;
-    infinite where n is too small for that.
+    infinite if n is too small for that.
 
     Examples
     --------

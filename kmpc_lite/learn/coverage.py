@@ -69,7 +69,7 @@ class Coverage:
 
     parts: tuple[Part, ...]
     tightest: float = 0.0
-    """Radius of the tightest turns in the log [m]; 0 where it turns on the spot."""
+    """Radius of the tightest turns in the log [m]; 0 if it turns on the spot."""
 
     @property
     def is_complete(self) -> bool:
@@ -125,7 +125,7 @@ def find_coverage(
         Period [s].
     limits : tuple, optional
         Largest speed forward and back [m/s] and turn rate [rad/s] that the robot is to drive; the
-        largest of the log where not given. A robot that must not reverse has zero for back.
+        largest of the log if not given. A robot that must not reverse has zero for back.
     """
     rows = np.concatenate([np.empty((0, 2)), *stretches])
     if limits is None:
@@ -143,7 +143,7 @@ def find_coverage(
 
 
 def _tightest(v: Array, omega: Array) -> float:
-    """Radius of the tightest turns, single rows left out [m]; 0 where nothing turns."""
+    """Radius of the tightest turns, single rows left out [m]; 0 if nothing turns."""
     turning = np.abs(omega) > TURNING * max(float(np.abs(omega).max(initial=0.0)), 1e-9)
     if not turning.any():
         return 0.0

@@ -118,7 +118,7 @@ def period_of(log: Log) -> float:
 
 
 def model_period(log: Log) -> float:
-    """Period of a model of a log where none is asked for [s]."""
+    """Period of a model of a log if none is asked for [s]."""
     return max(SHORTEST_PERIOD, period_of(log))
 
 
@@ -138,7 +138,7 @@ def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Epi
     Raises
     ------
     DataError
-        Where no episode is left.
+        If no episode is left.
     """
     if log.together:
         time, values = log.poses.time, np.column_stack([log.poses.values, log.commands.values])
@@ -246,7 +246,7 @@ def _cut_streams(log: Log, dt: float | None, gap: float | None) -> list[Episode]
 
 
 def stretches(log: Log) -> Array:
-    """Number of the stretch of commands that holds at each pose (n,); -1 where none does."""
+    """Number of the stretch of commands that holds at each pose (n,); -1 if none does."""
     times = np.sort(log.commands.time)
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0

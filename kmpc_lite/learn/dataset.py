@@ -86,7 +86,7 @@ class Dataset:
             as what was saved comes back; other logs get 0.1 s, or the period of their poses if it
             is longer. `kmpc fit` takes that of tables, too.
         gap : float, optional
-            A longer time between poses [s] ends an episode; 2.5 times the median period where not
+            A longer time between poses [s] ends an episode; 2.5 times the median period if not
             given.
         columns : mapping, optional
             Of tables: ``{"theta": "yaw"}``.
@@ -168,7 +168,7 @@ class Dataset:
         Raises
         ------
         DataError
-            Where one side would be empty.
+            If one side would be empty.
         """
         if not 0.0 < fraction < 1.0:
             raise DataError(f"split fraction: expected a share between 0 and 1, got {fraction}")

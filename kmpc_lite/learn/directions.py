@@ -101,7 +101,7 @@ class Search:
     log: Dataset
     """What the windows are of."""
     given: tuple[AgedResponse, AgedResponse] | None = None
-    """Of speed and turn rate, where there is no choice between responses."""
+    """Of speed and turn rate, if there is no choice between responses."""
     known: dict[tuple[AnyResponse, AnyResponse], Moments] = field(default_factory=dict)
 
     def candidates(self, which: int) -> tuple[AnyResponse, ...]:

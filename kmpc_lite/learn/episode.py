@@ -83,7 +83,7 @@ class Episode:
         return np.column_stack([ahead, steps[:, 2]])
 
     def resample(self, dt: float) -> Episode | None:
-        """Return the same drive at another period [s], or None where it is shorter than one period.
+        """Return the same drive at another period [s], or None if it is shorter than one period.
 
         Poses are interpolated linearly; a command is the mean of what was held during the new
         period. DataError where the robot turns by more than half a turn within it.

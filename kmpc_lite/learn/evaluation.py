@@ -84,7 +84,7 @@ def evaluate(
     Raises
     ------
     DataError
-        For another dt, an impossible horizon or stride, or where no episode is long enough.
+        For another dt, an impossible horizon or stride, or if no episode is long enough.
     """
     if abs(dataset.dt - model.dt) > SAME_DT * model.dt:
         raise DataError(

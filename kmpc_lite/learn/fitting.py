@@ -36,7 +36,7 @@ def fit(
     dataset : Dataset
         Evenly sampled episodes.
     dictionary : Dictionary, optional
-        The paper's `UnicycleDictionary` where not given.
+        The paper's `UnicycleDictionary` if not given.
     method : {"integral", "edmdc"}
         ``"integral"`` fits the generator in weak form, twice, the second time with the path between
         samples bent by the first result. ``"edmdc"`` is the paper's one-step regression (eq. 8).
@@ -47,7 +47,7 @@ def fit(
     symmetric : bool, optional
         Whether the robot moves alike wherever it stands and whichever way it faces, and stands
         still at zero command: two rows for the motion and one for the turn instead of a matrix for
-        every lifted coordinate. True for ``"integral"`` where not given, as far as the dictionary
+        every lifted coordinate. True for ``"integral"`` if not given, as far as the dictionary
         holds 1, cos(theta) and sin(theta); ``"edmdc"`` is never symmetric.
 
     lags : "auto" or sequence of int, optional
@@ -75,7 +75,7 @@ def fit(
     Raises
     ------
     DataError
-        Where the data cannot determine a model: too few samples, a constant input. For
+        If the data cannot determine a model: too few samples, a constant input. For
         ``symmetric=True`` with a dictionary or a method that cannot be.
 
     Examples

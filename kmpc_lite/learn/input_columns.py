@@ -68,7 +68,7 @@ def tell_inputs(dataset: Dataset, delay: float) -> str:
 
 
 def find_shares(dataset: Dataset) -> Shares | None:
-    """Look at the values of the inputs; None where too few of them differ."""
+    """Look at the values of the inputs; None if too few of them differ."""
     largest = np.array(largest_speeds(dataset))
     least = max(HOLD_ROWS, round(HOLD / dataset.dt))
     held = rows = steady = changes = 0

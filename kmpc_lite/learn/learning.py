@@ -66,7 +66,7 @@ class Learned:
     uncalibrated: str
     """Why its margins are not calibrated; empty where they are."""
     facts: Mapping[str, Any]
-    """What was found out about the robot; empty where no lags were given or looked for."""
+    """What was found out about the robot; empty if no lags were given or looked for."""
     noise: NoiseCheck | None
     """How the noise that was learned compares with the held-out errors; None without `facts`."""
 
@@ -93,7 +93,7 @@ def learn(
     Raises
     ------
     DataError
-        Where the log is too short to split, or cannot determine a model.
+        If the log is too short to split, or cannot determine a model.
     """
     options = LearningOptions() if options is None else options
     if options.lags:
@@ -159,7 +159,7 @@ def split_log(
     Raises
     ------
     DataError
-        Where it is too short.
+        If it is too short.
     """
     if len(data) < FEWEST_EPISODES:
         data = data.windows(max(WINDOW, WINDOW_STEPS * data.dt))

@@ -37,7 +37,7 @@ def load_logs(
     paths : sequence of Path
         Files and folders, of any format.
     dt : float, optional
-        Period [s]; 0.1, or the first log's own if longer, where not given.
+        Period [s]; 0.1, or the first log's own if longer, if not given.
     gap : float, optional
         A longer time between poses ends an episode [s].
     how : ReadOptions, optional
@@ -73,7 +73,7 @@ def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, L
     Raises
     ------
     DataError
-        Where it cannot be read, or is suspect and not forced.
+        If it cannot be read, or is suspect and not forced.
     """
     if dt is not None:
         how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
@@ -135,7 +135,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     Raises
     ------
     DataError
-        Where it cannot be read.
+        If it cannot be read.
     """
     log, suspects = _read(file, ReadOptions() if how is None else how)
     verdict, log = judge(log), even_stamps(log)

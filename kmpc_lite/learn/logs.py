@@ -116,7 +116,7 @@ class Topic(NamedTuple):
     """Type of its messages."""
     messages: int
     rate: float | None
-    """Messages a second; None where the file does not tell [Hz]."""
+    """Messages a second; None if the file does not tell [Hz]."""
 
 
 def row_number(row: int) -> str:
@@ -175,7 +175,7 @@ class ReadOptions:
     """Distance between left and right wheels, for commands that are their speeds [m]."""
     wheelbase: float | None = None
     """Distance between the axles of a car, for commands that are steering angles [m]; found from
-    how the poses turn where not given."""
+    how the poses turn if not given."""
     shift: float = 0.0
     """Added to the times of the commands, where their clock is another [s]."""
     force: bool = False

@@ -139,7 +139,7 @@ def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> Noi
     Parameters
     ----------
     model : KoopmanModel
-        With noise sources; without, None is returned, as where no drive is long enough.
+        With noise sources; without, None is returned, as when no drive is long enough.
     held : Dataset
         Drives that nothing was fitted to; their poses' own noise is accounted for.
     ahead : float
@@ -164,7 +164,7 @@ def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> Noi
 
 
 def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources | None:
-    """Fit the sources of a model's errors; None where no drive is long enough.
+    """Fit the sources of a model's errors; None if no drive is long enough.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def format_changes(info: Mapping[str, Any]) -> list[str]:
 
 
 def _limits(info: Mapping[str, Any], name: str) -> str:
-    """Limits of changes in words; empty where there are none."""
+    """Limits of changes in words; empty if there are none."""
     units, told = (("speed", "m/s^2"), ("turn rate", "rad/s^2")), []
     for (what, unit), *limits in zip(units, *Ramps.of(info, name), strict=True):
         finite = [
@@ -109,7 +109,7 @@ def driven_speeds(data: Dataset) -> dict[str, float]:
 
 
 def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, Any] | None:
-    """What logs say of their vehicle; None where none of them says anything.
+    """What logs say of their vehicle; None if none of them says anything.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, An
     Raises
     ------
     DataError
-        Where two logs are of different vehicles.
+        If two logs are of different vehicles.
     """
     found: dict[str, Any] = {}
     first = None

@@ -91,7 +91,7 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
 def shown_changes(dataset: Dataset) -> Ramps:
     """Tell how fast a log starts and stops: how the robot follows faster changes is unknown.
 
-    Infinite where the commands come to the fastest one of the log at once, or nearly so; where the
+    Infinite if the commands come to the fastest one of the log at once, or nearly so; where the
     log starts, or stops, too rarely to tell; and where it does so more slowly than any ramp that is
     looked for, for a robot that is limited to that hardly moves.
     """
@@ -174,7 +174,7 @@ def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
 
 
 def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, float]:
-    """Ramps away from zero and towards it of one command; infinite where none is sure."""
+    """Ramps away from zero and towards it of one command; infinite if none is sure."""
     pieces = _pieces(dataset, axis, options)
     told = np.concatenate([u for u, _ in pieces]) if pieces else np.zeros(1)
     fastest = float(np.abs(told).max())

@@ -83,10 +83,10 @@ def select(
     options : SelectionOptions, optional
         How.
     ages : sequence of int
-        Of the commands that act [periods]; where there are none, a dead time and a time constant
+        Of the commands that act [periods]; if there are none, a dead time and a time constant
         are looked for.
     whole : Dataset, optional
-        What terms are chosen on: the log of which `dataset` is a part; `dataset` where not given.
+        What terms are chosen on: the log of which `dataset` is a part; `dataset` if not given.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
     Raises
     ------
     DataError
-        Where the log turns too little to tell.
+        If the log turns too little to tell.
     """
     driven, turned, slopes = _pieces(time, poses, np.tan(angles))
     bent = driven * slopes
@@ -70,7 +70,7 @@ def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
     Parameters
     ----------
     time, poses, speeds : ndarray
-        (n,) [s], (n, 3), and (n,) commanded [m/s], NaN where none was.
+        (n,) [s], (n, 3), and (n,) commanded [m/s], NaN if none was.
     """
     asked = np.nan_to_num(np.abs(speeds))
     window = time[:, None] + np.array((-0.5, 0.5)) * DISOBEYED

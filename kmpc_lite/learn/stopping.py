@@ -44,7 +44,7 @@ class DelayOptions:
 
 
 def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> float:
-    """Mean delay of speed and turn rate behind their commands [s]; zero where none is sure.
+    """Mean delay of speed and turn rate behind their commands [s]; zero if none is sure.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class Stopping:
     stops: int
     """Stops from speed in the log."""
     deceleration: float | None
-    """Deceleration that the robot followed [m/s^2]; None where the log holds too few stops."""
+    """Deceleration that the robot followed [m/s^2]; None if the log holds too few stops."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""

@@ -101,7 +101,7 @@ def _is_stopping(value: Any) -> bool:
 
 
 def _is_ramps(value: Any) -> bool:
-    """Limits of speed and turn rate, away from zero and towards it; None where there is none."""
+    """Limits of speed and turn rate, away from zero and towards it; None if there is none."""
     return isinstance(value, Mapping) and all(
         isinstance(limits := value.get(name), list | tuple)
         and len(limits) == 2

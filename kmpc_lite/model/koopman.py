@@ -129,7 +129,7 @@ class KoopmanModel:
         x, u : array_like
             States (..., 3) [m, m, rad] and commands (..., m) [m/s, rad/s], m = 2 as a rule.
         history : array_like, optional
-            The L commands before `u`, oldest first, (..., L, 2); zeros where not given.
+            The L commands before `u`, oldest first, (..., L, 2); zeros if not given.
 
         Returns
         -------
@@ -163,7 +163,7 @@ class KoopmanModel:
         x0, inputs : array_like
             First state (..., 3) and commands (T, 2), or (..., T, 2) for many paths at once.
         history : array_like, optional
-            The L commands before the first, (..., L, 2); zeros where not given.
+            The L commands before the first, (..., L, 2); zeros if not given.
 
         Returns
         -------
@@ -269,7 +269,7 @@ class KoopmanModel:
         Raises
         ------
         ModelError
-            Where the file cannot be written, or `info` or the dictionary's configuration is not
+            If the file cannot be written, or `info` or the dictionary's configuration is not
             JSON.
         """
         from kmpc_lite.model.npz import save_model

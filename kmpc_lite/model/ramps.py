@@ -17,7 +17,7 @@ class Ramps(NamedTuple):
     """Largest changes of speed and turn rate, (2,) each [m/s^2, rad/s^2]."""
 
     faster: Array
-    """Away from zero; infinite where no ramp is known."""
+    """Away from zero; infinite if no ramp is known."""
     slower: Array
     """Towards zero."""
 
@@ -31,7 +31,7 @@ class Ramps(NamedTuple):
         return Ramps(*np.minimum(self, other))
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for a model's `info`; None where nothing is limited."""
+        """Plain values for a model's `info`; None if nothing is limited."""
         return {
             name: [float(v) if np.isfinite(v) else None for v in values]
             for name, values in self._asdict().items()

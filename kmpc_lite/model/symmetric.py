@@ -34,7 +34,7 @@ class Trigonometry(NamedTuple):
 
 
 def find_trigonometry(dictionary: Dictionary) -> Trigonometry | None:
-    """Places of 1, cos(theta) and sin(theta) in the lifted state; None where it lacks one."""
+    """Places of 1, cos(theta) and sin(theta) in the lifted state; None if it lacks one."""
     names = dictionary.names
     cos = next((n for n in ("cos", "cos(theta)") if n in names), None)
     sin = next((n for n in ("sin", "sin(theta)") if n in names), None)
@@ -56,7 +56,7 @@ class SymmetricForm:
     def fold(
         cls, form: BilinearForm, dt: float, tableau: Sequence[tuple[float, float]]
     ) -> SymmetricForm | None:
-        """Fold the derivative of a state further; None where it is not symmetric.
+        """Fold the derivative of a state further; None if it is not symmetric.
 
         Parameters
         ----------

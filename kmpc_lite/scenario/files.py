@@ -92,11 +92,11 @@ class Scenario:
     margin: float = 0.0
     """Distance [m] that the controller is asked to keep beyond the radii."""
     du_max: tuple[float, float] | None = None
-    """How fast commands may change [m/s^2, rad/s^2]; as the problem has it where not given. In a
+    """How fast commands may change [m/s^2, rad/s^2]; as the problem has it if not given. In a
     file [] is the same."""
     wheels: tuple[float, float] | Wheels | None = None
     """Distance between the wheels [m] and how fast one turns at its rim [m/s], where they limit
-    speed and turn rate together; or the kind of the wheels. As the problem has it where not given.
+    speed and turn rate together; or the kind of the wheels. As the problem has it if not given.
     In a file [] is the same, and kinds are "omni" or tables like {kind = "car",
     turning_radius = 0.6}."""
     turning_point: tuple[float, float] = (0.0, 0.0)

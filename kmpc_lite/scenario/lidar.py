@@ -41,7 +41,7 @@ MOST = {"reach": FARTHEST, "noise": 1.0, "dropout": 1.0, "nearest": FARTHEST, "r
 
 
 def read_lidar(where: str, value: Any) -> LidarSpec | None:
-    """Read the section; None where there is none.
+    """Read the section; None if there is none.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class World:
         self.edges = np.asarray(edges, dtype=float).reshape(-1, 4)
 
     def ranges(self, origin: Array, directions: Array, time: float = 0.0) -> Array:
-        """How far rays go until they meet something, (B,) [m]; infinite where they meet nothing.
+        """How far rays go until they meet something, (B,) [m]; infinite if they meet nothing.
 
         Parameters
         ----------

@@ -86,7 +86,7 @@ needs_browser = pytest.mark.skipif(
     found_browser() is None,
     reason="no browser: apt-get install chromium-headless-shell, or set KMPC_BROWSER",
 )
-"""Skips a test where there is no browser."""
+"""Skips a test if there is no browser."""
 
 
 class BrowserError(AssertionError):

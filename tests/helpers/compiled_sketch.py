@@ -13,7 +13,7 @@ STRICT = "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"
 
 
 def compiled(program: Path, compiler: str, *arguments: str) -> Path:
-    """Compile a harness of the sketch; skip the test where there is no compiler."""
+    """Compile a harness of the sketch; skip the test if there is no compiler."""
     found = shutil.which(compiler)
     if found is None:
         pytest.skip(f"no {compiler}")

@@ -3,7 +3,7 @@
 The nonlinear problem with its soft penalty: minimise the cost plus ``linear s + quadratic s^2`` for
 each stage 1 to N, subject to the dynamics by `KoopmanModel.predict`, command bounds, ``gap + s >=
 0`` for each obstacle and side of the area, ``s >= 0``. Derivatives are taken by differences;
-multipliers of the right sign, zero where a constraint is not active, are sought by bounded least
+multipliers of the right sign, zero if a constraint is not active, are sought by bounded least
 squares. A plan is a Karush-Kuhn-Tucker point where some exist that leave no gradient. The linear
 weight may be the problem's or a stronger one: an exact penalty is one that is strong enough.
 """

@@ -319,7 +319,7 @@ _WIRES_LOCK = threading.Lock()
 
 
 def named_wire(name: str, faults: Faults | None = None, seed: int = 0) -> LoopbackWire:
-    """Find or make the wire of this name in the process; `faults` are set where given."""
+    """Find or make the wire of this name in the process; `faults` are set if given."""
     with _WIRES_LOCK:
         wire = _WIRES.get(name)
         if wire is None:

@@ -22,7 +22,7 @@ def quickest_paths(
     backward: float = 1.0,
     edges: np.ndarray = NO_EDGES,
 ) -> Iterator[GeometricPath]:
-    """Paths from a pose to a pose, the quickest first; nothing where the circles leave none."""
+    """Paths from a pose to a pose, the quickest first; nothing if the circles leave none."""
     query = PathQuery(start, goal, centres, radii, edges, area, speed, backward)
     search = TangentSearch(query)
     while search.part is not Part.NOTHING:

@@ -51,7 +51,7 @@ def same(given: argparse.Namespace) -> int:
 
 
 def first_difference(one: Array, other: Array) -> int | None:
-    """First step at which commands (T, 2) are not the same bits; None where all are."""
+    """First step at which commands (T, 2) are not the same bits; None if all are."""
     count = min(len(one), len(other))
     bits = [np.ascontiguousarray(c[:count]).view(np.int64) for c in (one, other)]
     differ = np.flatnonzero((bits[0] != bits[1]).any(axis=1))

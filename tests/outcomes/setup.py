@@ -127,7 +127,7 @@ class Setup:
     before: Callable[[int, kl.Controller], kl.Controller | None] | None = None
     """Called before each step: switches faults; a controller that it returns drives on."""
     tolerance: tuple[float, float] | None = None
-    """What counts as arrived [m, rad]; a tenth of the radius and 0.1 rad where not given."""
+    """What counts as arrived [m, rad]; a tenth of the radius and 0.1 rad if not given."""
     limit: float = 60.0
     """Longest time [s]."""
     least: float = 0.0
@@ -160,7 +160,7 @@ class Row:
     """Says what happened."""
     family: str
     make: Make
-    """From a seed: 0 is the recorded drive; None where data is missing."""
+    """From a seed: 0 is the recorded drive; None if data is missing."""
     quick: bool = False
     """Whether it is among those of ``make test``."""
     right: str = "arrived"

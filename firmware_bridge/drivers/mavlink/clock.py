@@ -57,7 +57,7 @@ class VehicleClock:
         return ts1
 
     def answer(self, tc1: int, ts1: int, now: float) -> bool:
-        """Take a reply (both stamps in ns); False where it answers no request of ours."""
+        """Take a reply (both stamps in ns); False if it answers no request of ours."""
         if ts1 not in self._asked:
             return False
         self._asked.remove(ts1)

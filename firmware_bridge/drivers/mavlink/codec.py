@@ -167,7 +167,7 @@ class MavlinkCodec:
         return found
 
     def _frame_size(self, start: int) -> int:
-        """Bytes of the frame that would begin here, as far as is known; 0 where none can.
+        """Bytes of the frame that would begin here, as far as is known; 0 if none can.
 
         A message id that the dialect does not know counts as no frame: without its definition the
         CRC cannot be checked.
@@ -185,7 +185,7 @@ class MavlinkCodec:
         return header + int(buffer[start + 1]) + CRC_BYTES + (SIGNATURE_BYTES if flags else 0)
 
     def _decode(self, frame: bytearray) -> Any:
-        """Message of a whole frame; None where its signature or its content is refused."""
+        """Message of a whole frame; None if its signature or its content is refused."""
         signed = frame[0] == dialect.PROTOCOL_MARKER_V2 and bool(frame[2])
         self.counters["signed"] += signed
         with self._lock:

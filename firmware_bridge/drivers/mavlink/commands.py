@@ -75,7 +75,7 @@ class CommandDesk:
                 request.due = now + SILENCE
 
     def on_ack(self, command: int, result: int, now: float) -> bool:
-        """Take an acknowledgement; False where no such command was requested."""
+        """Take an acknowledgement; False if no such command was requested."""
         request = self._requests.get(command)
         if request is None or not request.sent:
             return False

@@ -60,7 +60,7 @@ class GcsFailsafe:
 
     @property
     def watched(self) -> int | None:
-        """System id whose heartbeats it counts, None where that is not known."""
+        """System id whose heartbeats it counts, None if that is not known."""
         return round(self._values[WATCHED][0]) if WATCHED in self._values else None
 
     @property

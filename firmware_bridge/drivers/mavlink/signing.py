@@ -1,7 +1,7 @@
 """Signing keys: made, read, given to a vehicle over a private link; the newest time on disk.
 
 The newest signing time that was accepted is kept, so that recordings stay refused after a restart:
-a computer without a battery-backed clock starts in 1970, where every recorded frame looks new.
+a computer without a battery-backed clock starts in 1970, when every recorded frame looks new.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class SigningStamp:
     Raises
     ------
     ConfigError
-        Where the file is there and cannot be read.
+        If the file is there and cannot be read.
     """
 
     def __init__(self, key_file: str | None) -> None:

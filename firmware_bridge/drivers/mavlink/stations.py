@@ -169,7 +169,7 @@ class StationRules:
         return lambda data, now: (bytes(frame) for frame in codec.frames(data, now))
 
     def judge(self, frame: bytes) -> str:
-        """Say why a frame must not pass; empty where it may."""
+        """Say why a frame must not pass; empty if it may."""
         system, component, kind = origin(frame)
         name = dialect.mavlink_map[kind].msgname
         if (system, component) == self._vehicle:

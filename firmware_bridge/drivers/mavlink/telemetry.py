@@ -105,7 +105,7 @@ class FrameWatch:
 
     def __init__(self) -> None:
         self.doubt = ""
-        """Why the frame may have moved, empty where nothing says so."""
+        """Why the frame may have moved, empty if nothing says so."""
         self.doubts = 0
         """How often the frame was doubted."""
         self._resets = 0

@@ -24,7 +24,7 @@ def why_silent(
     Parameters
     ----------
     down : str
-        Why the link is down; empty where it is up.
+        Why the link is down; empty if it is up.
     counters : mapping
         Of the link and of the exchange.
     faults : tuple of str
@@ -190,7 +190,7 @@ class LineDriver(PolledDriver):
         self._lines, self._bad_lines = Lines(), 0
 
     def _take_line(self, line: bytes, stamp: float) -> bool:
-        """Take a line without its end; False where it makes no sense."""
+        """Take a line without its end; False if it makes no sense."""
         raise NotImplementedError
 
     def _begin(self, key: Hashable) -> None:

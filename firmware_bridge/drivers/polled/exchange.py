@@ -142,7 +142,7 @@ class HeldCommand:
             self.pending = True
 
     def withdraw_old(self, now: float) -> bool:
-        """Replace a command that has become old by zero; True where that was needed."""
+        """Replace a command that has become old by zero; True if that was needed."""
         if self.value == STANDSTILL or now - self.stamp <= self.timeout:
             return False
         self.value, self.pending, self.zeros = STANDSTILL, True, self.repeats

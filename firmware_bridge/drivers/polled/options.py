@@ -32,7 +32,7 @@ def check_watchdog(command_timeout: float, watchdog: float) -> None:
     Raises
     ------
     ConfigError
-        Where its time-out is not the shorter one.
+        If its time-out is not the shorter one.
     """
     if command_timeout >= watchdog:
         raise ConfigError(
@@ -51,7 +51,7 @@ def counts_per_metre(geometry: WheelGeometry, counts_per_turn: float) -> float:
     Raises
     ------
     ConfigError
-        Where the fastest wheel would turn at more counts a second than fit into 32 bits.
+        If the fastest wheel would turn at more counts a second than fit into 32 bits.
     """
     per_metre = counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
     if geometry.max_wheel_speed * per_metre >= INT32:

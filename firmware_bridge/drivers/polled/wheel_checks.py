@@ -102,7 +102,7 @@ class Wheel:
     """[s]"""
 
     def excess(self, speed: float, now: float, margin: float) -> str:
-        """What is wrong with a speed [rad/s], in words; empty where nothing is."""
+        """What is wrong with a speed [rad/s], in words; empty if nothing is."""
         while self.told[0][0] < now - PATIENCE:
             self.told.popleft()
         slowest = min(told for _, told in self.told)

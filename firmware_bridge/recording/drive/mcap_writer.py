@@ -80,7 +80,7 @@ class McapWriter:
         return self._placed(piece)
 
     def chunk(self, messages: Iterable[Message]) -> bytes:
-        """Give a piece with messages; none where there are none."""
+        """Give a piece with messages; none if there are none."""
         ordered = sorted(messages, key=lambda message: message.time)
         if not ordered:
             return b""

@@ -27,7 +27,7 @@ class LidarHealth:
     name: str
     """What it says it is."""
     rate: float
-    """Turns, or scans, per second [Hz]; 0 where none come."""
+    """Turns, or scans, per second [Hz]; 0 if none come."""
     faults: tuple[str, ...] = ()
     """Why no scans come, in words to act on."""
     counters: Mapping[str, int] = field(default_factory=dict)

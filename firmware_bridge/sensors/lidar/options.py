@@ -32,9 +32,9 @@ class LidarOptions:
     mirrored: bool = False
     """Whether it hangs upside down."""
     range_min: float | None = bounded(0.0, 100.0, "m", None)
-    """Nearer returns count as unknown [m]; the sensor's own limit where not given."""
+    """Nearer returns count as unknown [m]; the sensor's own limit if not given."""
     range_max: float | None = bounded(0.05, 1000.0, "m", None)
-    """Farther returns count as nothing within reach [m]; the sensor's own limit where not given."""
+    """Farther returns count as nothing within reach [m]; the sensor's own limit if not given."""
     ignore: tuple[tuple[float, float], ...] = ()
     """Sectors from, to [rad], counter-clockwise from ahead, in which the sensor sees the robot
     itself: what lies there counts as unknown."""

@@ -119,7 +119,7 @@ class RplidarAnswers:
         return answers, self._nodes()
 
     def _answer(self) -> tuple[int, bytes] | None:
-        """Next answer; None where there is none yet. That nodes follow is one without data."""
+        """Next answer; None if there is none yet. That nodes follow is one without data."""
         buffer = self._buffer
         while True:
             start = buffer.find(DESCRIPTOR)

@@ -87,7 +87,7 @@ class Turns:
         self._angles, self._ranges, self._began, self._last = [], [], -math.inf, 0.0
 
     def rate(self, now: float) -> float:
-        """Turns per second [Hz]; 0 where it does not turn."""
+        """Turns per second [Hz]; 0 if it does not turn."""
         times = tuple(self._times)  # another thread adds
         if not times or self.newest is None or now - self.newest.stamp > RATE_AGE:
             return 0.0

@@ -130,7 +130,7 @@ class LogVerdict(NamedTuple):
 
     suspects: tuple[Suspect, ...]
     delay: float | None
-    """How long after its command the motion comes [s]; None where the log does not show it."""
+    """How long after its command the motion comes [s]; None if the log does not show it."""
 
     def refuse(self, log: Log) -> None:
         """Refuse a log in which something is suspect.

@@ -46,7 +46,7 @@ class Motion:
 
 
 def gather(log: Log) -> Motion | None:
-    """Put a log into rows, or give None where too little of it has poses and commands."""
+    """Put a log into rows, or give None if too little of it has poses and commands."""
     time, poses = log.poses.time, log.poses.values
     inside = np.ones(len(time), dtype=bool) if log.together else stretches(log) >= 0
     if inside.sum() < 8:

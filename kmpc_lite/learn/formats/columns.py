@@ -108,7 +108,7 @@ class Found:
 
     @property
     def command(self) -> tuple[str, ...]:
-        """Columns of the commands; none where the table has none."""
+        """Columns of the commands; none if the table has none."""
         way = _way("command", self.where.keys())
         return way if set(way) <= self.where.keys() else ()
 

@@ -45,7 +45,7 @@ class Layout:
     skipped: int
     """Lines before the first row."""
     first: str
-    """The line that was taken for the first row where there is no header, or nothing."""
+    """The line that was taken for the first row if there is no header, or nothing."""
     where: str
     """What messages call the header."""
 
@@ -116,7 +116,7 @@ def _read(
 
 
 def parse_number(text: str) -> float:
-    """Read a number; NaN where it is missing."""
+    """Read a number; NaN if it is missing."""
     bare = text.strip()
     if bare.lower() in MISSING:
         return float("nan")
@@ -131,7 +131,7 @@ def parse_time(text: str) -> float:
         return parse_number(text)
     except ValueError:
         when = datetime.fromisoformat(text.strip())
-    # where no zone is told only differences count, and those of local clocks may jump by an hour
+    # if no zone is told only differences count, and those of local clocks may jump by an hour
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
 

@@ -159,7 +159,7 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
     Raises
     ------
     DataError
-        Where one of them is not logged.
+        If one of them is not logged.
     """
     counts: dict[str, int] = {}
     kept = {name: Thinned(len(fields), options.spacing) for name, fields in FIELDS.items()}

@@ -119,7 +119,7 @@ def read_mcap(path: str | os.PathLike[str]) -> Iterator[Found]:
     Raises
     ------
     OSError
-        Where it cannot be read.
+        If it cannot be read.
     ValueError
         For whatever is wrong with its content, in one line.
     """

@@ -182,7 +182,7 @@ def reader_of(file: Path) -> Reader:
 
 
 def _first_bytes(file: Path) -> bytes:
-    """The first bytes of a regular file; none where there is no such file."""
+    """The first bytes of a regular file; none if there is no such file."""
     try:
         with open_regular(file) as opened:
             return opened.read(16)

@@ -100,7 +100,7 @@ def _check_files(path: Path) -> None:
     Raises
     ------
     OSError
-        Where one of the bag's files is none.
+        If one of the bag's files is none.
     """
     for part in sorted(path.iterdir()) if path.is_dir() else [path]:
         if not part.is_dir():
@@ -246,13 +246,13 @@ def _collect(
 
 
 def _stamp(message: Any) -> float:
-    """Time of a message's header [s]; 0 where it has none or has not been set."""
+    """Time of a message's header [s]; 0 if it has none or has not been set."""
     header = getattr(message, "header", None)
     return 0.0 if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
 
 
 def _pose(message: Any, wanted: Wanted) -> tuple[float, float, float, float] | None:
-    """Stamp, x, y and theta; NaN without an orientation, None where TF has others only."""
+    """Stamp, x, y and theta; NaN without an orientation, None if TF has others only."""
     if wanted.frames is not None:
         for t in message.transforms:
             if (t.header.frame_id.strip("/"), t.child_frame_id.strip("/")) == wanted.frames:

@@ -71,7 +71,7 @@ def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], see
     Raises
     ------
     DataError
-        Where it is not.
+        If it is not.
     """
     wanted = chosen.get(name)
     if wanted is None and there:

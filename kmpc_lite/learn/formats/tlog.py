@@ -81,7 +81,7 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
     Raises
     ------
     DataError
-        Where one of them is not logged.
+        If one of them is not logged.
     """
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -121,7 +121,7 @@ def _is_for_another(message: Any, vehicle: int | None) -> bool:
 
 
 def _decoded(decoder: Any, frame: bytes) -> Any:
-    """A message, or None where its check sum fails."""
+    """A message, or None if its check sum fails."""
     try:
         return decoder.decode(bytearray(frame))
     except Exception:  # pymavlink raises several kinds for bytes that are no message
@@ -157,7 +157,7 @@ def _values(name: str, m: Any) -> tuple[float, ...] | None:
 
 
 def _stick(pulse: int) -> float:
-    """Share of a stick's way, of a pulse [us]; 0 where it is not used."""
+    """Share of a stick's way, of a pulse [us]; 0 if it is not used."""
     return (pulse - 1500) / 500.0 if 800 <= pulse <= 2200 else 0.0
 
 

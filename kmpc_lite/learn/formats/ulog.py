@@ -50,7 +50,7 @@ def read_ulog(path: Path, options: ReadOptions) -> Log:
     Raises
     ------
     DataError
-        Where one of them is not logged.
+        If one of them is not logged.
     """
     names = {POSITION, ATTITUDE, *(t for row in (*SPEEDS, *SHARED) for t in row[::2] if t)}
     data, said = _load(path, sorted(names))

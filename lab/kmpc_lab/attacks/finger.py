@@ -36,7 +36,7 @@ class PageLine:
         self._connection = HTTPConnection(HOST, int(url.port or 0), timeout=PATIENCE)
 
     def post(self, word: str) -> bytes:
-        """Give the answer to a word, empty where none came."""
+        """Give the answer to a word, empty if none came."""
         try:
             self._connection.request("POST", f"{self._path}{word}")
             return self._connection.getresponse().read()

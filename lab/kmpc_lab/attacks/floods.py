@@ -27,7 +27,7 @@ class Surface:
     shared: bool = False
     """Whether ground stations share it."""
     lidar: str = ""
-    """Of the robot, on a link in which another attacker stands; none where empty."""
+    """Of the robot, on a link in which another attacker stands; none if empty."""
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ def run(count: int) -> list[Press]:
     Raises
     ------
     LinkError
-        Where the rover did not drive, or the gate did not obey.
+        If the rover did not drive, or the gate did not obey.
     """
     with tempfile.TemporaryDirectory(prefix="kmpc-presses-") as name, ExitStack() as stack:
         folder = Path(name)

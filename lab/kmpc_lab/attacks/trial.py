@@ -47,7 +47,7 @@ class Trial:
     late: list[float] = field(default_factory=list)
     """How late each tick of the gate was while the attack lasted [s]."""
     standstill: float = math.nan
-    """From the stop until the robot stands [s]; 0 where it had been stopped before."""
+    """From the stop until the robot stands [s]; 0 if it had been stopped before."""
     press: float = math.nan
     """From the press of the emergency stop until the gate obeys [s]."""
     bytes_in: int = 0
@@ -100,7 +100,7 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
     Raises
     ------
     LinkError
-        Where the robot never drove.
+        If the robot never drove.
     """
     with tempfile.TemporaryDirectory(prefix="kmpc-attack-") as name, ExitStack() as stack:
         folder = Path(name)

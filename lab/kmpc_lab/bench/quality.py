@@ -67,7 +67,7 @@ def compare(
     Raises
     ------
     KmpcError
-        Where CasADi is missing.
+        If CasADi is missing.
     """
     from kmpc_lab.peers.ipopt import IpoptController
 

@@ -151,7 +151,7 @@ def run(
     bar : callable
         See `Progress`.
     trials : int, optional
-        For each map; the experiment's where not given.
+        For each map; the experiment's if not given.
     first_seed : int
         Of pose noise and delays.
     robot : int

@@ -31,14 +31,14 @@ class AcadosController:
     model : KoopmanModel
         Its prediction becomes the discrete dynamics.
     problem : NavigationProblem, optional
-        The paper's where not given.
+        The paper's if not given.
     obstacles : int
         How many circles the generated solver has room for; fewer are filled up with ones far away.
 
     Raises
     ------
     KmpcError
-        Where acados cannot be used; says why.
+        If acados cannot be used; says why.
     ProblemError
         For a problem that limits the change of commands.
     """

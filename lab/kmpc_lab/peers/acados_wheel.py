@@ -50,7 +50,7 @@ def install(folder: Path | None = None) -> Path:
     Raises
     ------
     KmpcError
-        Where pip fails, as for a wheel of another hash; with pip's last line.
+        If pip fails, as for a wheel of another hash; with pip's last line.
     """
     target = folder or default_folder()
     target.parent.mkdir(parents=True, exist_ok=True)

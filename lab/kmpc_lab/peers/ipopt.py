@@ -42,7 +42,7 @@ class IpoptController:
     model : KoopmanModel
         `nominal_unicycle` for the paper's NMPC, a learned model for its K-NMPC.
     problem : NavigationProblem, optional
-        The paper's where not given.
+        The paper's if not given.
     solver : str
         CasADi's name of the solver: ``ipopt`` or ``fatrop``.
     options : dict, optional
@@ -51,7 +51,7 @@ class IpoptController:
     Raises
     ------
     KmpcError
-        Where CasADi is not installed.
+        If CasADi is not installed.
     ProblemError
         For a model with input history, and for a problem that limits the change of commands where
         the solver is fatrop.

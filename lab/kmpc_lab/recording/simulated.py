@@ -97,7 +97,7 @@ class SimulationRecorder:
         Raises
         ------
         ScenarioError
-            Where it cannot be written.
+            If it cannot be written.
         """
         path = Path(folder) / DRIVE
         try:

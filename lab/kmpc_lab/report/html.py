@@ -65,18 +65,18 @@ def write_report(
     model : KoopmanModel, optional
         What the controller drove with.
     fit_report : FitReport, optional
-        Held-out errors of the model; what it keeps as ``info["held_out"]`` where not given.
+        Held-out errors of the model; what it keeps as ``info["held_out"]`` if not given.
     title : str, optional
-        Heading; the outcome in words where not given.
+        Heading; the outcome in words if not given.
     command : str, optional
         Command line that made the run, to repeat it.
     u_min, u_max : array_like, optional
-        Command limits (2,) [m/s, rad/s]; what the run keeps in its `info` where not given.
+        Command limits (2,) [m/s, rad/s]; what the run keeps in its `info` if not given.
 
     Raises
     ------
     KmpcError
-        Where matplotlib is missing or the file cannot be written.
+        If matplotlib is missing or the file cannot be written.
     """
     from markupsafe import Markup
 

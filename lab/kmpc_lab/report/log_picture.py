@@ -40,7 +40,7 @@ def draw_log(log: Log, file: Path) -> None:
     Raises
     ------
     KmpcError
-        Where it cannot be written.
+        If it cannot be written.
     """
     kind: Literal["svg", "png"] = "svg" if file.suffix.lower() == ".svg" else "png"
     write_picture(file, render(log_picture(log), kind))

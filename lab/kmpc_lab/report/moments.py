@@ -29,7 +29,7 @@ class Moments:
     turn: Array
     """(T,) heading error to the goal [rad]."""
     sent: Array
-    """(T, 2) command that was on its way to the robot; NaN where none was."""
+    """(T, 2) command that was on its way to the robot; NaN if none was."""
     gate: Array
     """(T,) number of the gate's state in `Details.gates`; -1 before the first, or without."""
 

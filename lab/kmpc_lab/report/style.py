@@ -73,7 +73,7 @@ def style() -> Iterator[None]:
     Raises
     ------
     KmpcError
-        Where matplotlib is not installed.
+        If matplotlib is not installed.
     """
     try:
         import matplotlib
@@ -130,7 +130,7 @@ def write_picture(path: Path, content: bytes) -> None:
     Raises
     ------
     KmpcError
-        Where it cannot be written.
+        If it cannot be written.
     """
     try:
         with write_whole(path) as file:

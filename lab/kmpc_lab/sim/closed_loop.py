@@ -158,13 +158,13 @@ def drive(
     scenario : Scenario
         Map, robot, plant.
     plant : Plant, optional
-        The scenario's where not given: `scenario_plant`.
+        The scenario's if not given: `scenario_plant`.
     dt : float
         Period [s].
     settle : float
         How long the robot must stay within the tolerances to have arrived [s].
     stop_norm : float, optional
-        Where given, arrival is ``|x - goal| <= stop_norm`` over the whole state, as in the paper's
+        If given, arrival is ``|x - goal| <= stop_norm`` over the whole state, as in the paper's
         study.
     info : dict, optional
         Kept with the run.

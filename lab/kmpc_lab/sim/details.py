@@ -42,7 +42,7 @@ class Details:
     clearances: Array
     """(T,) clearance of the plans [m]; infinite without obstacles."""
     pose_ages: Array
-    """(T,) age of each step's pose [s]; NaN where it is not known."""
+    """(T,) age of each step's pose [s]; NaN if it is not known."""
     step_times: Array
     """(T,) time that each step took [s]."""
     paths: tuple[Array, ...]
@@ -72,7 +72,7 @@ class Details:
         Raises
         ------
         ScenarioError
-            Where there are none.
+            If there are none.
         """
         chosen = np.flatnonzero((self.times >= begin - 1e-6) & (self.times <= end + 1e-6))
         if not len(chosen):

@@ -18,7 +18,7 @@ def scan_ranges(
 ) -> tuple[Array, Array]:
     """What the scanner sends from a pose (3,), and its directions in its own frame, (B,), (B,).
 
-    Ranges are infinite where nothing is within reach, and NaN where a beam does not come back.
+    Ranges are infinite if nothing is within reach, and NaN if a beam does not come back.
     """
     directions = 2.0 * math.pi / spec.beams * np.arange(spec.beams) - math.pi
     ranges = world.ranges(pose[:2], pose[2] + directions, time)

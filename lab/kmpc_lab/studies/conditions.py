@@ -148,7 +148,7 @@ OURS, PAPERS = EVERYTHING.label, "K-NMPC, IPOPT"
 
 @dataclass(frozen=True)
 class MapsStudy:
-    """What one of the ``kmpc study`` commands drives where nothing else is asked for."""
+    """What one of the ``kmpc study`` commands drives if nothing else is asked for."""
 
     text: str
     controllers: tuple[str, ...] = (OURS,)
@@ -191,12 +191,12 @@ STUDIES: Mapping[str, MapsStudy] = {
 
 
 def choose(study: MapsStudy, words: Sequence[str] | None) -> list[Contender]:
-    """Controllers whose labels contain one of the words; the study's own where none are given.
+    """Controllers whose labels contain one of the words; the study's own if none are given.
 
     Raises
     ------
     ProblemError
-        Where nobody is left, or the paper's one-step fit is asked to learn from a log that is no
+        If nobody is left, or the paper's one-step fit is asked to learn from a log that is no
         simulation of its own.
     """
     if words is None:

@@ -30,7 +30,7 @@ class Contender:
     margin: float = 0.0
     """Distance to keep beyond the radii in a study, instead of the map's own [m]."""
     adaptation: bool | None = None
-    """Whether ours adapts its model while driving; its own choice where not given."""
+    """Whether ours adapts its model while driving; its own choice if not given."""
     solver: str = "osqp"
     """QP solver of ours, by the name that qpsolvers has for it."""
     timed: str = "total"
@@ -50,7 +50,7 @@ class Contender:
 
     @property
     def simulate_words(self) -> tuple[str, ...] | None:
-        """What makes ``kmpc simulate`` drive this controller; None where no option does."""
+        """What makes ``kmpc simulate`` drive this controller; None if no option does."""
         if self.form != "full" or self.solver != "osqp" or self.adaptation is True:
             return None
         words: tuple[str, ...] = ("--margin", repr(self.margin)) if self.margin else ()

@@ -40,7 +40,7 @@ def executor(workers: int | None = None, cluster: str | None = None) -> Iterator
     Parameters
     ----------
     workers : int, optional
-        Processes on this machine; as many as it has cores where not given.
+        Processes on this machine; as many as it has cores if not given.
     cluster : str, optional
         Address of a Dask scheduler (``tcp://host:8786``), which then does the work instead.
 
@@ -52,7 +52,7 @@ def executor(workers: int | None = None, cluster: str | None = None) -> Iterator
     Raises
     ------
     KmpcError
-        Where Dask is not installed, no scheduler answers, it has no workers, or these have
+        If Dask is not installed, no scheduler answers, it has no workers, or these have
         another version of this package.
     """
     if cluster is not None:

@@ -19,7 +19,7 @@ class Driven(Protocol):
 
     @property
     def simulate_words(self) -> tuple[str, ...] | None:
-        """What makes ``kmpc simulate`` drive this controller; None where no option does."""
+        """What makes ``kmpc simulate`` drive this controller; None if no option does."""
         ...
 
 

@@ -63,7 +63,7 @@ class FloorWatch:
         return plan
 
     def error_ratio(self) -> float | None:
-        """Largest ratio of the model's errors to a fresh fit's; None where there is no model.
+        """Largest ratio of the model's errors to a fresh fit's; None if there is no model.
 
         Errors are those along, across and of heading after 1 s.
         """

@@ -129,7 +129,7 @@ def compare(name: str, model: KoopmanModel, ours: list[Array], nominal: list[Arr
 
 
 def default_fit(train: Dataset) -> KoopmanModel:
-    """What ``kmpc fit`` learns where nothing is asked for."""
+    """What ``kmpc fit`` learns if nothing is asked for."""
     return fit(train, HermiteTrigDictionary(order=0), lags="auto")
 
 

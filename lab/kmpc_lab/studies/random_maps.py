@@ -156,7 +156,7 @@ def maps_study(
     training : mapping
         ``episodes`` and ``steps`` of the training data.
     trained_at : float, optional
-        Slip at which models are learned; each at the slip that it drives at where not given.
+        Slip at which models are learned; each at the slip that it drives at if not given.
     conditions : sequence of Condition
         What robots, poses and floors are like beside the slip.
 
@@ -170,7 +170,7 @@ def maps_study(
     DataError
         For a records file that is not this study's.
     OSError
-        Where records or failures cannot be written; before anything is driven.
+        If records or failures cannot be written; before anything is driven.
     """
     if failures is not None:
         check_folder(failures)

@@ -56,7 +56,7 @@ class RecordFile:
         DataError
             For a line that is no record of this study.
         OSError
-            Where the file cannot be written; before anything is driven.
+            If the file cannot be written; before anything is driven.
         """
         if self.path is None:
             return {}

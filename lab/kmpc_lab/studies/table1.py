@@ -111,7 +111,7 @@ class Block:
     title: str
     ours: Callable[[Cell], str]
     paper: Callable[[PaperCell], str] | None = None
-    """None where the paper does not tell the figure."""
+    """None if the paper does not tell the figure."""
 
 
 def _deepest_cut(cell: Cell) -> str:

@@ -150,7 +150,7 @@ def time_ratio(
 
 
 def seconds(value: float | None) -> str:
-    """Tell a time [s]; a dash where there is none."""
+    """Tell a time [s]; a dash if there is none."""
     return "-" if value is None else f"{value:.2f}"
 
 

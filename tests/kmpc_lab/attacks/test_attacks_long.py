@@ -1,6 +1,6 @@
 """Every flood against a bridge that drives, each beside the same drive in peace; then all at once.
 
-KMPC_ATTACK_SECONDS says how long all of them last together (600 where it is not set).
+KMPC_ATTACK_SECONDS says how long all of them last together (600 if it is not set).
 """
 
 import os

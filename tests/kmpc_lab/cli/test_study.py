@@ -36,7 +36,7 @@ def test_study_prints_the_table(
     assert cli.main(arguments) == 0
     out, err = capsys.readouterr()
     assert "paper: K-NMPC" in out and "exact" in out and "learned, trained at 0.1" in out
-    assert err == ""  # no progress bar where there is no terminal
+    assert err == ""  # no progress bar if there is no terminal
     assert cli.main([*arguments, "--json", "--resume"]) == 0  # nothing is driven again
     cells = json.loads(capsys.readouterr().out)
     assert [(c["controller"], c["slip"], c["trials"]) for c in cells] == [

@@ -1,6 +1,6 @@
 """Ours, converged, against IPOPT.
 
-The same minimum, and words for states where there is none to compare.
+The same minimum, and words for states if there is none to compare.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def test_drives_under_pose_noise_learn_too():
 def test_noise_of_poses_that_the_log_had_is_seen_through():
     """A turn of 16 mrad less per step, among 28 mrad of noise.
 
-    Five seconds are enough where it is known how poses err.
+    Five seconds are enough if it is known how poses err.
     """
     model, fresh = noisy_model(), errors(learned(0.2, 0.6, seed=9), 0.2, 0.6)
     ratios = []

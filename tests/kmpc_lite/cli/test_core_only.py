@@ -30,7 +30,7 @@ json.dump(told, sys.stdout)
 
 
 def kmpc(folder: Path, *lines: str) -> dict[str, list[Any]]:
-    """Status and words of command lines that run, one after the other, where no extra is
+    """Status and words of command lines that run, one after the other, if no extra is
     installed.
     """
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""`kmpc fit`: what it chooses where nothing is said, what it tells, what it refuses."""
+"""`kmpc fit`: what it chooses if nothing is said, what it tells, what it refuses."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def test_told_clearance_is_no_more_than_the_true_one() -> None:
 
 
 def larger(seed: int, family: str, footprint: Any, by: float, **plant: Any) -> Scenario | None:
-    """A random map of the usual robot, larger; none where the footprint cannot stand there."""
+    """A random map of the usual robot, larger; none if the footprint cannot stand there."""
     drawn = random_map(family, seed)
     ends = {
         key: [by * pose[0], by * pose[1], pose[2]]

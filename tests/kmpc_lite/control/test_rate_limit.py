@@ -44,7 +44,7 @@ moments = st.tuples(
 def assert_allowed(before: np.ndarray, command: np.ndarray, problem: kl.NavigationProblem) -> None:
     """The definition, speed by speed.
 
-    `du_max`, or `deceleration` towards zero where that is more.
+    `du_max`, or `deceleration` towards zero if that is more.
     """
     for a, b, change, brake in zip(
         before, command, DT * problem.du_max, DT * np.asarray(problem.deceleration), strict=True
@@ -65,7 +65,7 @@ def test_no_command_is_farther_from_the_one_before_than_allowed(
 ) -> None:
     controller = CONTROLLERS[name]
     controller.reset()
-    # where nothing wild is told, the robot drives as it was told to, so that commands are large
+    # if nothing wild is told, the robot drives as it was told to, so that commands are large
     # when something comes up
     x, goal, around, before = (
         np.zeros(3),

@@ -1,4 +1,4 @@
-"""What `lags="auto"` chooses: the robot that made the log, nothing where it shows nothing."""
+"""What `lags="auto"` chooses: the robot that made the log, nothing if it shows nothing."""
 
 from __future__ import annotations
 

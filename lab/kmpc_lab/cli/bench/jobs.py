@@ -11,7 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.cli.progress import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0
-"""Recorded drives, and how long the loop runs [s], where nothing else is asked for."""
+"""Recorded drives, and how long the loop runs [s], if nothing else is asked for."""
 STEPS = 60
 """States of a recorded drive."""
 QUALITY_STEPS = 50
@@ -208,7 +208,7 @@ def _record(
 RECORDED = ("--drives", "--tuning")
 """What a job reads that records drives."""
 COMPARISON = Job(_compare, (*RECORDED, "--only", "--picture"))
-"""What is done where no job is named."""
+"""What is done if no job is named."""
 JOBS = {
     "--scaling": Job(
         _scaling,

@@ -39,7 +39,7 @@ def study(
     job : callable
         See `Job`; status 1 if something happened that must not.
     examples : tuple of str
-        Command lines; two of ``--drives`` and ``--json`` where none are given.
+        Command lines; two of ``--drives`` and ``--json`` if none are given.
     """
     usual = f"kmpc study {name} --drives 10", f"kmpc study {name} --json > {name}.json"
 
@@ -106,7 +106,7 @@ def first_seed(options: argparse.Namespace) -> int:
 
 
 def chosen(names: Iterable[str], words: Iterable[str] | None, option: str = "--only") -> list[str]:
-    """Names that hold one of the words; all of them where no word is given.
+    """Names that hold one of the words; all of them if no word is given.
 
     Raises
     ------

@@ -31,7 +31,7 @@ class Eyes:
     Raises
     ------
     ConfigError
-        Where one of them is missing.
+        If one of them is missing.
     """
 
     def __init__(self, options: LidarOptions | None, scenario: Scenario | None, seed: int) -> None:

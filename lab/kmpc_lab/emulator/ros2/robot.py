@@ -152,7 +152,7 @@ class Ros2Emulator:
 
     @property
     def footprint(self) -> Footprint | None:
-        """What it covers; none where it is round."""
+        """What it covers; none if it is round."""
         return self._scenario.footprint
 
     @property

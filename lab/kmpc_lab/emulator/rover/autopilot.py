@@ -87,7 +87,7 @@ class Autopilot:
         self.texts.append((severity, text))
 
     def set_mode(self, mode: int) -> bool:
-        """Change the mode; False where it cannot be entered now."""
+        """Change the mode; False if it cannot be entered now."""
         if mode == self.mode:
             return True
         if mode not in MODES:
@@ -124,7 +124,7 @@ class Autopilot:
         return True
 
     def arm(self, force: bool) -> bool:
-        """Arm; False where that is refused."""
+        """Arm; False if that is refused."""
         if not self.armed and not force and (why := self.prearm_failure):
             self.counters["arming_refusals"] += 1
             self.say(CRITICAL, f"Arm: {why}")

@@ -79,7 +79,7 @@ class Parameters:
         return name in self._values
 
     def set(self, name: str, value: float) -> bool:
-        """Change one; False where there is none, or for a value out of range."""
+        """Change one; False if there is none, or for a value out of range."""
         low, high = LOOP_RATES if name == "SCHED_LOOP_RATE" else (0.0, LARGEST)
         if name not in self._values or not (math.isfinite(value) and low <= value <= high):
             return False

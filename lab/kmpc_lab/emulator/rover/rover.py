@@ -214,12 +214,12 @@ class RoverEmulator:
             self._physics.place(x, y, theta)
 
     def pilot_mode(self, mode: int) -> bool:
-        """A pilot's mode switch; False where the mode cannot be entered."""
+        """A pilot's mode switch; False if the mode cannot be entered."""
         with self._lock:
             return self.autopilot.set_mode(mode)
 
     def pilot_arm(self, armed: bool = True) -> bool:
-        """A pilot's arming switch; False where arming is refused."""
+        """A pilot's arming switch; False if arming is refused."""
         with self._lock:
             if armed:
                 return self.autopilot.arm(force=False)

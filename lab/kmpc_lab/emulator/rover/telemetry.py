@@ -89,7 +89,7 @@ class Telemetry:
         return message in self._builders
 
     def interval(self, message: int) -> float:
-        """Interval of a message [s]; 0 where it is not sent."""
+        """Interval of a message [s]; 0 if it is not sent."""
         return self._intervals.get(message, 0.0)
 
     def set_interval(self, message: int, interval: float) -> None:
@@ -120,7 +120,7 @@ class Telemetry:
         return [message for message in messages if message is not None]
 
     def build(self, message: int) -> Any:
-        """One message, None where there is nothing to tell (yet)."""
+        """One message, None if there is nothing to tell (yet)."""
         return self._builders[message]()
 
     def heartbeat(self) -> Any:

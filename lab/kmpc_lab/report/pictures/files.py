@@ -75,7 +75,7 @@ def write_pictures(
     fit_report : FitReport, optional
         Held-out errors of its model.
     u_min, u_max : array_like, optional
-        Command limits (2,) [m/s, rad/s]; what the run keeps in its `info` where not given.
+        Command limits (2,) [m/s, rad/s]; what the run keeps in its `info` if not given.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def write_pictures(
     Raises
     ------
     KmpcError
-        Where matplotlib is missing or a file cannot be written.
+        If matplotlib is missing or a file cannot be written.
     """
     target = Path(folder)
     pictures = run_pictures(run, fit_report, u_min, u_max)

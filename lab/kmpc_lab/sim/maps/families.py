@@ -150,7 +150,7 @@ def random_map(family: str, seed: int, slip: float = 0.0) -> Scenario:
     Raises
     ------
     ScenarioError
-        For an unknown family, or where no draw has a passage.
+        For an unknown family, or if no draw has a passage.
     """
     if family not in FAMILIES:
         raise ScenarioError(

@@ -75,7 +75,7 @@ def film(
     Raises
     ------
     NoRenderer
-        Where no picture can be taken.
+        If no picture can be taken.
     """
     twin = Twin.of(run.scenario)
     camera = Camera(twin, view, size)

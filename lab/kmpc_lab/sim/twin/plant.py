@@ -39,7 +39,7 @@ class TwinMissing(KmpcError):
 def load_mujoco() -> Any:
     """Import MuJoCo, or say how to install it.
 
-    Where there is no display, it renders with the off-screen library that the machine has.
+    If there is no display, it renders with the off-screen library that the machine has.
     """
     if "mujoco" not in sys.modules and "DISPLAY" not in os.environ:
         # MuJoCo reads this once, when it is imported

@@ -41,7 +41,7 @@ def summary(rows: Sequence[SightDrive]) -> dict[str, Any]:
         for row in ours
         if row.arrived and (other := theirs.get(_world(row))) is not None and other.arrived
     ]
-    # where neither arrived there is nothing to compare
+    # if neither arrived there is nothing to compare
     times, its = np.array(both or [(math.nan, math.nan)]).T
     return {
         "drives": len(ours),

@@ -1,4 +1,4 @@
-"""Pictures of the twin, where a renderer exists; where none does, one clear line."""
+"""Pictures of the twin, where a renderer exists; if none does, one clear line."""
 
 import numpy as np
 import pytest

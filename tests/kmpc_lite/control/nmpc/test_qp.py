@@ -91,7 +91,7 @@ def dynamics_gaps(numbers: Numbers, x: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def keepout_gaps(numbers: Numbers, x: np.ndarray, slack: np.ndarray) -> np.ndarray:
-    """``normal . p + slack - offset`` of each stage and slot; at least zero where kept."""
+    """``normal . p + slack - offset`` of each stage and slot; at least zero if kept."""
     n, slots = numbers.offsets.shape
     gaps = np.empty((n, slots))
     for k in range(n):

@@ -121,7 +121,7 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
 
     assert gap(nominal, circle) == pytest.approx(WIDE, abs=2e-3)
     assert gap(model, circle) == pytest.approx(room, abs=2e-3)
-    # where there is no such room, less will do
+    # if there is no such room, less will do
     wall = np.array(
         [
             [0.0, side * (PROBLEM.robot_radius + 0.24 + 0.3 * k), 0.2, 0.0, 0.0]

@@ -1,4 +1,4 @@
-"""The reference leads around obstacles within the bounds, and waits where there is no path."""
+"""The reference leads around obstacles within the bounds, and waits if there is no path."""
 
 from __future__ import annotations
 

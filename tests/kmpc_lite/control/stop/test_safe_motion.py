@@ -148,7 +148,7 @@ def test_what_leads_past_a_thing_on_a_floor_that_pushes_is_slow_and_what_leads_a
         return float(motion.inputs[0, 0] / 0.6)
 
     assert driven(0.02, 0.002) < 0.07 and driven(0.5 * np.pi, 0.002) == 1.0
-    # poses that err tell of a touch where there is none yet: the floor may push the robot on
+    # poses that err report a touch before there is one: the floor may push the robot on
     assert driven(0.02, 0.002, 0.01) < 0.07 and driven(0.02, -0.002, 0.01) < 0.07
     assert driven(0.5 * np.pi, -0.002, 0.01) == 1.0
 
