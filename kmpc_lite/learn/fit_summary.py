@@ -54,16 +54,17 @@ def verdict(report: FitReport, facts: Mapping[str, Any], driven: Mapping[str, fl
         Largest speeds of the log, as `driven_speeds` gives them.
     """
     fastest = max(driven["forward"], driven["reverse"])
-    told = f"{_compared(report)}; drive up to {fastest:.2g} m/s."
     lacking = facts.get("missing", ())
+    steady = "slow" in lacking and not {"left", "right"}.isdisjoint(lacking)
+    told = f"{_compared(report, steady)}; drive up to {fastest:.2g} m/s."
     if not lacking:
         return told
     names = ", ".join(MISSING[name] for name in lacking)
     return f"{told} Missing: {names}: `kmpc record --excite` shows them."
 
 
-def _compared(report: FitReport) -> str:
-    """How the errors compare with the nominal robot's."""
+def _compared(report: FitReport, steady: bool) -> str:
+    """How the errors compare with the nominal robot's; of a `steady` log at one speed alone."""
     pairs = list(zip(DIRECTIONS, report.multi_step, report.nominal_multi_step, strict=True))
     better = [(theirs / max(ours, 1e-12), name) for name, ours, theirs in pairs]
     best, where = max(better)
@@ -74,6 +75,8 @@ def _compared(report: FitReport) -> str:
         if best > BETTER:
             return f"Mixed: {gains} but {losses}"
         return f"Poor: predicts {losses} than nominal"
+    if best > BETTER and steady:
+        return f"Narrow: {gains}, but only at the one speed of its log"
     if best > BETTER:
         return f"Good: {gains}"
     return "As nominal: the log supports no better prediction; the nominal robot's model is written"

@@ -208,3 +208,14 @@ def test_fit_takes_several_logs_and_another_period(
     assert "0.2 s" in (told := capsys.readouterr().out)
     counts = [int(n) for n in re.findall(r"Dataset\((\d+) episodes", told)]
     assert sum(counts) == 17  # those of both
+
+
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [("no/folder/x.npz", "there is no folder no/folder"), (".", "it is a folder")],
+)
+def test_where_nothing_can_be_written_is_told_before_logs_are_read(
+    output: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["fit", "no_log.csv", "-o", output]) == 2
+    assert f"{output}: cannot be written: {words}" in capsys.readouterr().err

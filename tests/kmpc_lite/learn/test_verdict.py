@@ -38,6 +38,15 @@ def test_the_verdict_names_what_the_log_lacks() -> None:
     assert line.endswith(" Missing: left turns, stops: `kmpc record --excite` shows them.")
 
 
+def test_a_log_at_one_steady_speed_is_not_called_good() -> None:
+    line = verdict(report(5.0, 1.0, 1.0), {"missing": ["slow", "left", "right"]}, DRIVEN)
+    assert line.startswith(
+        "Narrow: predicts 5 times better than nominal along, but only at the one"
+    )
+    turning = verdict(report(5.0, 1.0, 1.0), {"missing": ["slow"]}, DRIVEN)
+    assert turning.startswith("Good: ")
+
+
 def test_every_part_of_a_log_has_a_name() -> None:
     assert {part.name for part in find_coverage([], 0.1, (1.0, 1.0, 1.0)).parts} == set(MISSING)
 
