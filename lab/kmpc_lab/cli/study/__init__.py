@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kmpc_lab.cli.study import maps, robots, surprises
+from kmpc_lab.cli.study import clutter, maps, robots, surprises
 from kmpc_lite.cli.command import Command
 
 COMMAND = Command(
@@ -21,5 +21,6 @@ COMMAND = Command(
         "learning": robots.LEARNING,
         "real": robots.REAL,
         "sight": surprises.SIGHT,
+        "clutter": clutter.CLUTTER,
     },
 )

@@ -91,22 +91,7 @@ class Pursuit:
             free = away >= keep * self._radius + 0.5 * self._cell
             free.ravel()[[start, end]] = True
             free |= away >= away.ravel()[start] - self._cell if keep == 1.0 else free
-            number = np.arange(free.size).reshape(free.shape)
-            tails, heads, lengths = [], [], []
-            for dx, dy in STEPS:
-                rows = slice(0, free.shape[0] - dx), slice(dx, None)
-                columns = (slice(0, free.shape[1] - dy), slice(dy, None))
-                if dy < 0:
-                    columns = slice(1, None), slice(0, -1)
-                both = free[rows[0], columns[0]] & free[rows[1], columns[1]]
-                tails.append(number[rows[0], columns[0]][both])
-                heads.append(number[rows[1], columns[1]][both])
-                lengths.append(np.full(len(tails[-1]), math.hypot(dx, dy)))
-            graph = csr_matrix(
-                (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads))),
-                (free.size, free.size),
-            )
-            cost, towards = dijkstra(graph, directed=False, indices=end, return_predecessors=True)
+            cost, towards = _dijkstra(free, end)
             if np.isfinite(cost[start]):
                 nodes = [start]
                 while nodes[-1] != end:
@@ -115,3 +100,33 @@ class Pursuit:
                 path: Array = self._low + self._cell * (np.stack([column, row], axis=1) + 0.5)
                 return path
         return None
+
+
+def cost_to_go(free: Array, goal: tuple[int, int]) -> Array:
+    """Lengths in cells (R, C) of the shortest ways over free neighbours (R, C) to a cell.
+
+    Infinite where there is none.
+    """
+    cost, _ = _dijkstra(free, int(np.ravel_multi_index(goal, free.shape)))
+    return cost.reshape(free.shape)
+
+
+def _dijkstra(free: Array, end: int) -> tuple[Array, Array]:
+    """Lengths to a cell, and the next cell towards it, of each cell by its number."""
+    number = np.arange(free.size).reshape(free.shape)
+    tails, heads, lengths = [], [], []
+    for dx, dy in STEPS:
+        rows = slice(0, free.shape[0] - dx), slice(dx, None)
+        columns = (slice(0, free.shape[1] - dy), slice(dy, None))
+        if dy < 0:
+            columns = slice(1, None), slice(0, -1)
+        both = free[rows[0], columns[0]] & free[rows[1], columns[1]]
+        tails.append(number[rows[0], columns[0]][both])
+        heads.append(number[rows[1], columns[1]][both])
+        lengths.append(np.full(len(tails[-1]), math.hypot(dx, dy)))
+    graph = csr_matrix(
+        (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads))),
+        (free.size, free.size),
+    )
+    cost, towards = dijkstra(graph, directed=False, indices=end, return_predecessors=True)
+    return cost, towards

@@ -1,0 +1,1 @@
+"""`kmpc study clutter`: cylinders in the manner of the BARN challenge, driven by lidar alone."""

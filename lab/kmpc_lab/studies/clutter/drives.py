@@ -1,0 +1,185 @@
+"""Drives through cylinders by lidar alone: a kinematic replica of the challenge, judged by truth.
+
+The robot is Jackal-like and is learned from 180 s of its own log. As in the challenge a drive
+begins when it has moved 0.1 m, ends within a metre of the goal, by a touch or after 100 s, and the
+metric is the ideal time (the way at 2 m/s) over the time, which counts as at least twice and at
+most eight times the ideal one: half a point at most.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kmpc_lab.studies.any_robot import RobotPlant
+from kmpc_lab.studies.clutter.drivers import (
+    BEAMS,
+    CONDITIONS,
+    JACKAL,
+    MOUNT,
+    OUTLINE,
+    REACH,
+    VIEW,
+    Condition,
+    Driver,
+    Ours,
+    Theirs,
+)
+from kmpc_lab.studies.clutter.worlds import Cylinders, draw_field, draw_moving, read_barn
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.scenario.touch import footprint_gaps
+from kmpc_lite.scenario.world import World
+from kmpc_lite.types import Array
+
+STARTS, ARRIVES, LONGEST = 0.1, 1.0, 100.0
+"""Time runs from when it has moved this far [m], until it is this near its goal [m], or for so
+long [s]."""
+SPEED, LEAST, MOST = 2.0, 2.0, 8.0
+"""The metric's ideal speed [m/s], and between which multiples of the ideal time a time counts."""
+
+
+@dataclass(frozen=True)
+class ClutterDrive:
+    """What became of one drive."""
+
+    driver: str
+    world: str
+    condition: str
+    arrived: bool
+    collided: bool
+    seconds: float
+    """As the challenge counts them [s]."""
+    score: float
+    clearance: float
+    """Least one [m]."""
+    reverses: float
+    """Share of the steps with a command backwards."""
+    turns: float
+    """Share of the steps that turn on the spot."""
+    fallback: float
+    """Share of the steps without a verified plan, STOPPED or FALLBACK."""
+    feasible: float
+    jerk: float
+    """RMS of the change of commands from step to step, as a share of the bounds."""
+    step_p50: float
+    """[ms]."""
+    step_p99: float
+    ended: str
+
+
+def world_of(seed: int, moving: bool, barn: str) -> Cylinders:
+    """World of a seed, or of a number of the public set in a folder."""
+    if barn:
+        return read_barn(Path(barn), seed)
+    return draw_moving(seed) if moving else draw_field(seed)
+
+
+def drive(
+    driver: str, condition: str, seed: int, moving: bool, barn: str, again: int
+) -> ClutterDrive:
+    """Drive one world with one driver; `again` is the seed of noise and slip."""
+    world, given = world_of(seed, moving, barn), CONDITIONS[condition]
+    ours = Ours(world, given) if driver == "ours" else None
+    loop = ClutterLoop(ours or Theirs(driver, world), world, given, again)
+    arrived, collided, seconds = loop.run()
+    ideal = world.length / SPEED
+    score = ideal / float(np.clip(seconds, LEAST * ideal, MOST * ideal)) if arrived else 0.0
+    commands = np.array(loop.commands)
+    changes = np.diff(commands, axis=0) / (JACKAL.speed, JACKAL.turn_rate)
+    statuses = ours.statuses if ours else []
+    spots = (np.abs(commands[:, 0]) < 0.05) & (np.abs(commands[:, 1]) > 0.2)
+    lost = sum(s in (PlanStatus.STOPPED, PlanStatus.FALLBACK) for s in statuses)
+    p50, p99 = np.quantile(ours.times, (0.5, 0.99)) if ours else (math.nan, math.nan)
+    return ClutterDrive(
+        *(driver, world.name, condition, arrived, collided, seconds, score, loop.clearance),
+        reverses=float((commands[:, 0] < -0.02).mean()),
+        turns=float(spots.mean()),
+        fallback=lost / max(len(statuses), 1),
+        feasible=statuses.count(PlanStatus.FEASIBLE) / max(len(statuses), 1),
+        jerk=float(np.sqrt((changes**2).sum(axis=1).mean())),
+        step_p50=float(p50),
+        step_p99=float(p99),
+        ended=ours.ended if ours else "",
+    )
+
+
+class ClutterLoop:
+    """One drive, from start to end.
+
+    Parameters
+    ----------
+    driver : Driver
+        What decides.
+    world : Cylinders
+        Where.
+    condition : Condition
+        How well it sees.
+    seed : int
+        Of noise and slip.
+    """
+
+    def __init__(self, driver: Driver, world: Cylinders, condition: Condition, seed: int) -> None:
+        self.driver, self.world, self.condition = driver, world, condition
+        self.random = np.random.default_rng([seed, 83])
+        self.plant = RobotPlant(JACKAL, seed)
+        self.pose: Array = world.start.copy()
+        self.odometry: Array = world.start.copy()
+        self.seen: list[tuple[Array, Array]] = []
+        self.poses: list[Array] = [self.pose]
+        self.commands: list[Array] = []
+        self.clearance = math.inf
+
+    def run(self) -> tuple[bool, bool, float]:
+        """Drive; whether it arrived, whether it touched, and the time that counts [s]."""
+        world, dt, begun, k = self.world, JACKAL.dt, math.inf, 0
+        while True:
+            time = k * dt
+            self.seen.append((self._measured(), self._ranges(time)))
+            late = self.seen[-1 - min(self.condition.late, k)]
+            command = self.driver.command(*late)
+            self.commands.append(command)
+            self._move(command, time)
+            k += 1
+            if math.isinf(begun) and math.dist(self.pose[:2], world.start[:2]) > STARTS:
+                begun = time
+            seconds = k * dt - min(begun, k * dt)
+            arrived = math.dist(self.pose[:2], world.goal[:2]) <= ARRIVES
+            # a robot that never moves is not waited for, either
+            over = seconds >= LONGEST or (math.isinf(begun) and k * dt >= LONGEST)
+            if arrived or over or self.clearance < 0.0:
+                return arrived and self.clearance >= 0.0, self.clearance < 0.0, seconds
+
+    def _move(self, command: Array, time: float) -> None:
+        """Drive for a period; look for touches, and count what is driven as odometry does."""
+        poses = self.plant.drive(self.pose, command)
+        for i, pose in enumerate(poses[1::2]):
+            circles = self.world.circles_at(time + JACKAL.dt * (2 * i + 2) / len(poses))
+            near = np.hypot(*(circles[:, :2] - pose[:2]).T) < 1.5
+            gap = footprint_gaps(OUTLINE, pose[None], circles[None, near], ())
+            self.clearance = min(self.clearance, float(gap[0]))
+        step = poses[-1] - self.pose
+        more = 1.0 + self.condition.drift
+        off = self.odometry[2] - self.pose[2]
+        cos, sin = math.cos(off), math.sin(off)
+        along = more * np.array([cos * step[0] - sin * step[1], sin * step[0] + cos * step[1]])
+        self.odometry = self.odometry + np.array([*along, more * step[2]])
+        self.pose = poses[-1]
+        self.poses.append(self.pose)
+
+    def _measured(self) -> Array:
+        given = self.condition
+        spread = np.array([given.place, given.place, given.heading])
+        return self.odometry + spread * self.random.normal(size=3)
+
+    def _ranges(self, time: float) -> Array:
+        x, y, heading = self.pose
+        origin = np.array([x + MOUNT * math.cos(heading), y + MOUNT * math.sin(heading)])
+        circles = self.world.circles_at(time)
+        near = np.hypot(*(circles[:, :2] - origin).T) < REACH + 1.0
+        directions = heading + np.linspace(-0.5, 0.5, BEAMS) * VIEW
+        ranges = World(circles[near]).ranges(origin, directions)
+        ranges = ranges + self.condition.ranges * self.random.normal(size=BEAMS)
+        return np.where(ranges > REACH, np.inf, np.maximum(ranges, 0.0))
