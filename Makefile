@@ -33,7 +33,7 @@ $(VENV)/docs: $(VENV)/python pyproject.toml lab/pyproject.toml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,bridge]' -e ./lab
 	@touch $@
 
-demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv learns from your robot's log instead
+demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv: from your robot's log, on a map for its speed
 	@$(BIN)/kmpc demo $(if $(LOG),--log $(LOG)) --output out
 
 check: $(VENV)/dev  ## style, types, import rules and the documentation's build

@@ -57,6 +57,11 @@ class Part(NamedTuple):
         return self.shown >= self.needed - 1e-6
 
     @property
+    def is_absent(self) -> bool:
+        """Whether there is so little of it that nothing is learned from it."""
+        return self.shown <= 0.1 * self.needed
+
+    @property
     def amount(self) -> str:
         """How much of how much."""
         unit = "" if self.name == "stops" else " s"
@@ -99,7 +104,7 @@ def _warning(part: Part, tightest: float) -> str:
     """Say what a log shows too little of; its tightest turns have that radius [m]."""
     if part.name == "length":
         return f"only {part.shown:.0f} s were driven: drive for minutes"
-    if part.shown > 0.1 * part.needed:
+    if not part.is_absent:
         return f"the log hardly {part.verb} ({part.amount})"
     if part.name == "on the spot":
         tight = f", nor tighter than on {tightest:.2g} m" if tightest > 0.0 else ""

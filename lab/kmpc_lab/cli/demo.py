@@ -155,6 +155,7 @@ def demo(
     from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
     from kmpc_lab.report import write_report
     from kmpc_lab.sim.closed_loop import Outcome
+    from kmpc_lite.learn.loading import load_logs
     from kmpc_lite.scenario.files import Scenario
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -173,7 +174,8 @@ def demo(
         if status != DONE:
             why = "; ".join(recorded["problems"]) or "the rover did not drive"
             raise BridgeError(f"{folder / 'drive.csv'}: nothing was recorded: {why}")
-        learned = learn_log(folder / "drive.csv", folder / "robot.npz", say, LAGS)
+        log = folder / "drive.csv"
+        learned = learn_log(log, load_logs([log]), folder / "robot.npz", say, LAGS)
         driven, report, status = _drive(stage)
     if driven is None:
         say("stopped: no report")

@@ -109,15 +109,9 @@ def run(options: argparse.Namespace) -> int:
     )
     adaptation = False if options.no_adaptation else None
     views = asked_views(options)
+    base = _limited(kl.NavigationProblem(horizon=options.horizon, dt=model.dt), options.max_speed)
     drive, recorder = simulate(
-        model,
-        scenario,
-        options.plant,
-        options.horizon,
-        options.iterations,
-        adaptation,
-        views,
-        options.max_speed,
+        model, scenario, options.plant, base, options.iterations, adaptation, views
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
@@ -141,24 +135,20 @@ def simulate(
     model: kl.KoopmanModel,
     scenario: Scenario,
     plant: str,
-    horizon: int,
+    base: kl.NavigationProblem,
     iterations: int | None,
     adaptation: bool | None = None,
     views: Views | None = None,
-    max_speed: float | None = None,
 ) -> tuple[Run, SimulationRecorder]:
-    """Drive one scenario with our controller at the model's period; watched by a recorder.
+    """Drive one scenario with our controller; watched by a recorder.
 
-    With `views` it drives in real time, for viewers; with `max_speed` no faster than that [m/s].
+    `base` says what the scenario does not: period, horizon, speeds. With `views` it drives in real
+    time, for viewers.
     """
     from kmpc_lab.recording.simulated import SimulationRecorder
     from kmpc_lab.sim.closed_loop import drive
     from kmpc_lab.sim.plants.learned import LearnedPlant
 
-    base = kl.NavigationProblem(horizon=horizon, dt=model.dt)
-    if max_speed is not None:
-        low, high = (-max_speed, -base.u_max[1]), (max_speed, base.u_max[1])
-        base = replace(base, u_min=low, u_max=high, deceleration=None, slack_weights=None)
     problem = scenario.problem(base)
     controller = kl.Controller(
         model,
@@ -192,6 +182,14 @@ def simulate(
         run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
         tell(run.info.get("ended") or f"{run.outcome.value} after {run.duration:.2f} s")
     return run, recorder
+
+
+def _limited(base: kl.NavigationProblem, max_speed: float | None) -> kl.NavigationProblem:
+    """Let a problem's robot drive as fast as that, ahead and back [m/s]."""
+    if max_speed is None:
+        return base
+    low, high = (-max_speed, -base.u_max[1]), (max_speed, base.u_max[1])
+    return replace(base, u_min=low, u_max=high, deceleration=None, slack_weights=None)
 
 
 def describe(run: Run) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import kmpc_lite as kl
 from kmpc_lab.cli.simulate import describe, simulate
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
@@ -44,8 +45,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Record or read a log, learn, check, drive, report."""
     need("the report of a demo", "matplotlib")
+    from kmpc_lab.cli.own_course import course_for
     from kmpc_lab.report import write_report
     from kmpc_lab.sim.closed_loop import Outcome
+    from kmpc_lite.learn.loading import load_logs
     from kmpc_lite.scenario.files import Scenario
 
     say = (lambda text: None) if options.json else print
@@ -58,10 +61,15 @@ def run(options: argparse.Namespace) -> int:
         _record(log, scenario.slip)
     else:
         say(f"1  reading {log}")
-    learned = learn_log(log, folder / "robot.npz", say)
+    data = load_logs([log])
+    learned = learn_log(log, data, folder / "robot.npz", say)
     model, report = learned.model, learned.report
-    plant = "learned" if options.log else "slip"
-    drive, recorder = simulate(model, scenario, plant, 20, 1)
+    plant, problem = "slip", kl.NavigationProblem(dt=model.dt)
+    if options.log:
+        course = course_for(learned, data, scenario)
+        plant, problem, scenario = "learned", course.problem, course.scenario
+        say("   " + course.text.replace("\n", "\n   "))
+    drive, recorder = simulate(model, scenario, plant, problem, None)
     drive.save(folder / "run.npz")
     recorder.write(folder / "run", drive)
     drive = recorder.with_details(drive)
@@ -77,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
 
 def learn_log(
     log: Path,
+    data: kl.Dataset,
     output: Path,
     say: Callable[[str], None],
     lags: Literal["auto"] | Sequence[int] = "auto",
@@ -86,7 +95,9 @@ def learn_log(
     Parameters
     ----------
     log : Path
-        What is learned from.
+        The file.
+    data : Dataset
+        What it holds.
     output : Path
         The model's file.
     say : callable
@@ -95,10 +106,9 @@ def learn_log(
         As those of `kmpc fit`.
     """
     from kmpc_lite.learn.learning import LearningOptions, learn
-    from kmpc_lite.learn.loading import load_logs
     from kmpc_lite.learn.provenance import read_vehicle
 
-    learned = learn(load_logs([log]), [log], LearningOptions(lags=lags), read_vehicle([log]))
+    learned = learn(data, [log], LearningOptions(lags=lags), read_vehicle([log]))
     output.parent.mkdir(parents=True, exist_ok=True)
     learned.model.save(output)
     say(f"2  learned {output} from {learned.train}")

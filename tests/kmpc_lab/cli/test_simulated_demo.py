@@ -51,4 +51,5 @@ def test_demo_with_a_log_of_ones_own(
     assert str(made / "drive.csv") in out and "reached" in out and str(pages[0]) in out
     written = ["mine", "mine/robot.npz", "mine/run", "mine/run.npz", "mine/run/drive.mcap"]
     assert sorted(files(here)) == sorted(written)
+    assert "map and time limit are adapted" in out
     assert Run.load("mine/run.npz").info["plant"] == "learned"
