@@ -25,6 +25,7 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.margins.obstacle_margins import FeltNoise
     from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Nearby, Solids
 
@@ -58,6 +59,8 @@ class Observation:
     view: View | None = None
     """What was seen up to now; none without scans."""
 
+    felt: FeltNoise | None = None
+    """The noise, as past innovations inflate it; none without margins."""
     measured: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose as measured, not brought forward."""
     scanned: int = 0

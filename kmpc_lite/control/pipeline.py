@@ -104,10 +104,12 @@ class Pipeline:
         """Place the robot among what is around it."""
         seen.place(self.scene, state.scene)
         self._watching.look(state, seen, known)
-        innovation, period = state.innovation, state.history.driven
-        if known.margins is not None and innovation.error is not None and period is not None:
-            errors, heading = known.margins.expected_errors, float(period.pose[2])
-            errors.judge(innovation, innovation.error, heading, period.command)
+        innovation, period, margins = state.innovation, state.history.driven, known.margins
+        if margins is not None:
+            if innovation.error is not None and period is not None:
+                errors, heading = margins.expected_errors, float(period.pose[2])
+                errors.judge(innovation, innovation.error, heading, period.command)
+            seen.felt = margins.tightening.felt(innovation)
         self._answers.events.drift(innovation.drifting)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
@@ -183,7 +185,7 @@ class Pipeline:
             curvature=state.history.curvature,
             solids=seen.nearby,
             tightening=None if margins is None else margins.tightening,
-            drift=state.innovation,
+            felt=seen.felt,
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
             deadline=deadline,
@@ -219,7 +221,7 @@ class Pipeline:
             last=state.history.command,
             around=around,
             margins=None if margins is None else margins.stop_margins,
-            drift=state.innovation,
+            felt=seen.felt,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory

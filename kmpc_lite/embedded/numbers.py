@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.kernels.safe_motion import TINY
 from kmpc_lite.control.knowledge import motion_model
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
 from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
-from kmpc_lite.control.nmpc.trajectory import LOST
-from kmpc_lite.control.options import fastest, unit_length
+from kmpc_lite.control.options import fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.stop.safe_motion import SafeMotions
@@ -118,7 +116,7 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "further": motions.further,
         "most_passes": MOST_PASSES,
         "tolerated": sqp.tolerated,
-        "lost": LOST[0] * unit_length(units),
+        "lost": qp.lost,
         "fastest": fastest(units),
         **_margins(controller),
         "spend_share": options.stop.spend_share,
@@ -161,7 +159,7 @@ def _model(controller: Controller) -> dict[str, Any]:
 
 def _margins(controller: Controller) -> dict[str, Any]:
     """Margins of plans and of motions; zeros of a controller without."""
-    margins, drift = controller.known.margins, InnovationState()
+    margins = controller.known.margins
     if margins is None:
         factors, errors = np.zeros(9 * INPUTS), np.zeros(2 * INPUTS)
         noise = tube.Noise(factors, factors, factors, factors, 0, 0, 0, 0, 0, 0, False)
@@ -175,13 +173,14 @@ def _margins(controller: Controller) -> dict[str, Any]:
                 "command_noise": factors,
             }
         )
-    tightening, felt = margins.tightening, margins.noise.felt(drift)
-    return _tube(tightening.noise_of(drift)) | {
+    tightening = margins.tightening
+    felt = tightening.calm
+    return _tube(felt.tube) | {
         "tightens": 1,
         "errs": int(felt.command_errs),
         "side_margin": tightening.side_margin,
         "far_clearance": tightening.far_clearance,
-        "widest": tightening.widest(drift),
+        "widest": felt.widest,
         "position_errors": felt.position_errors,
         "heading_errors": felt.heading_errors,
         "command_noise": felt.command,

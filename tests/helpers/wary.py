@@ -11,6 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.obstacle_margins import FeltNoise
 from kmpc_lite.control.options import MarginOptions, StopOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
 from kmpc_lite.control.stop.surroundings import Surroundings
@@ -45,7 +46,11 @@ class Wary:
 
     @property
     def widest(self) -> float:
-        return self.of.tightening.widest(self.drift)
+        return self.felt.widest
+
+    @property
+    def felt(self) -> FeltNoise:
+        return self.of.tightening.felt(self.drift)
 
     def reset(self) -> None:
         self.drift = InnovationState()
@@ -59,21 +64,21 @@ class Wary:
         self.of.expected_errors.judge(self.drift, error, heading, command)
 
     def margins(self, *plan: Any, **more: Any) -> np.ndarray:
-        return self.of.tightening.margins(self.drift, *plan, **more)
+        return self.of.tightening.margins(self.felt, *plan, **more)
 
     def covariances(self, *plan: Any) -> np.ndarray:
-        return self.of.tightening.covariances(self.drift, *plan)
+        return self.of.tightening.covariances(self.felt, *plan)
 
     def margin(self, v: float, omega: float) -> float:
         """Of a motion that lasts a period."""
         dt = self.model.dt
         way = np.array([dt * v]), np.array([dt * omega])
-        return float(self.of.stop_margins.of_motions(self.drift, *way)[0])
+        return float(self.of.stop_margins.of_motions(self.felt, *way)[0])
 
     def error(self, v: float, omega: float) -> float:
         """Of a command, towards whatever lies where it errs most."""
         command, anywhere = np.array([(v, omega)]), directions_around(16)
-        return float(self.of.stop_margins.of_commands(self.drift, command, anywhere).max())
+        return float(self.of.stop_margins.of_commands(self.felt, command, anywhere).max())
 
     def motion(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> SafeMotion:
         """What is driven of a steady plan."""
@@ -81,7 +86,7 @@ class Wary:
         none = np.zeros((self.model.history, 2))
         states = self.model.rollout(here, inputs, none)
         around = Surroundings(things_of(circles))
-        task = MotionTask(self.model, none, np.zeros(2), around, self.of.stop_margins, self.drift)
+        task = MotionTask(self.model, none, np.zeros(2), around, self.of.stop_margins, self.felt)
         return SafeMotions(self.problem, StopOptions()).find(states, inputs, task)
 
     def speed_share(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> float:

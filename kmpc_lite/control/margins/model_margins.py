@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.obstacle_margins import Tightening
@@ -17,8 +16,8 @@ from kmpc_lite.model.motion import MotionModel
 class Margins:
     """Margins of plans, those of motions, and what innovations are expected, for one model.
 
-    It remembers nothing of a drive: past innovations are an `InnovationState`, the first argument
-    of all that depends on them. Another model gets other `Margins`.
+    It remembers nothing of a drive: the noise as past innovations inflate it (`Tightening.felt`) is
+    the first argument of all that depends on them. Another model gets other `Margins`.
 
     Parameters
     ----------
@@ -54,13 +53,13 @@ class Margins:
     --------
     >>> import numpy as np
     >>> from kmpc_lite import nominal_unicycle
-    >>> from kmpc_lite.control.estimate.innovation import InnovationState
-    >>> model, drift = nominal_unicycle(0.1), InnovationState()
+    >>> model = nominal_unicycle(0.1)
     >>> margins = Margins(model, NavigationProblem())
     >>> inputs = np.tile([0.6, 0.0], (20, 1))
     >>> states = model.rollout((0.0, 0.0, 0.0), inputs)
     >>> lin, left = model.linearize(states[:-1], inputs), np.tile([0.0, 1.0], (20, 4, 1))
-    >>> found = margins.tightening.margins(drift, lin, states, inputs, left)
+    >>> calm = margins.tightening.calm
+    >>> found = margins.tightening.margins(calm, lin, states, inputs, left)
     >>> found.shape, float(found[0, 0].round(4))
     ((20, 4), 0.068)
     """
@@ -100,6 +99,6 @@ class Margins:
         lin = model.linearize(states[:-1], inputs, past)
         normals = np.tile(np.eye(2, self._directions), (stages, 1, 1))
         found = self.tightening.margins(
-            InnovationState(), lin, states, inputs, normals, path_clearance=0.0
+            self.tightening.calm, lin, states, inputs, normals, path_clearance=0.0
         )
         return float(found[-1, 0]), float(found[-1, 1])

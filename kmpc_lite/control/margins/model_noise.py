@@ -2,20 +2,18 @@
 
 The noise of one period grows with its command, ``v^2 white[0] + omega^2 white[1]``, and so do the
 errors that last longer than a plan. Innovations inflate both; quantiles turn them into
-distances.
+distances. A (2, 9) array holds two such covariances (3, 3), in the robot's frame.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
@@ -33,43 +31,22 @@ whose pose jumps would ask for nonsense."""
 ADAPTED_SHARE = 0.1
 """Share of the risk of a single command that is taken with an adapted model: it knows its floor
 from a few seconds only."""
-HEADING = 8
-"""Place of the heading's variance in a covariance (9,)."""
 UNKNOWN_FLOOR_SLIP = 0.35
 """Standard deviation of a command's error on an unknown floor, as a share of what it drives: a slip
 of 0.2 pushes farther than five times that once in ten thousand periods."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class FeltNoise:
-    """The noise of a model as inflated by past innovations.
-
-    Rows of a (2, 9) array are covariances (3, 3) to be multiplied by v^2 and by omega^2.
-    """
+class InflatedNoise(NamedTuple):
+    """Covariances (2, 9) of a period, by v^2 and by omega^2."""
 
     plan: Array
-    """(2, 9) covariances of the later periods of a plan, in the robot's frame."""
-    plan_factor: Array
-    """(3, 6) factors of these, side by side."""
-    plan_trace: tuple[float, float]
-    """Variance of the position, in all directions together [m^2]."""
+    """Of the later periods of a plan."""
     lasting: Array
-    """(2, 9) covariances that errors common to all periods of a plan have in a single one."""
-    lasting_factor: Array | None
-    """(3, 6) factors of these; None for a model without such errors."""
-    lasting_trace: tuple[float, float]
-    """The same as `plan_trace`."""
+    """Of errors common to all periods of a plan, in a single one."""
     command: Array
-    """(2, 9) covariances of the coming period: larger on an unknown floor."""
-    position_errors: Array
-    """(4,) variances of the coming period by v^2 and by omega^2, then what lasts of them: of the
-    position, in all directions together [m^2] ..."""
-    heading_errors: Array
-    """... and of the heading [rad^2], as `kernels.stop_errors` takes them."""
-    plan_spreads: bool
+    """Of the coming period: larger on an unknown floor."""
+    spreads: bool
     """Whether there is any noise in a plan."""
-    command_errs: bool
-    """Whether there is any noise in the coming period."""
 
 
 class ModelNoise:
@@ -92,6 +69,8 @@ class ModelNoise:
         What measured poses add, and what the floor does.
     delay : int
         Periods until the feedback acts.
+    lasts : bool
+        Whether the model knows errors that last longer than a plan.
     quantile, step_quantile : float
         How many standard deviations the margins of plans, and those of single commands, are.
     pose_errors : tuple
@@ -116,7 +95,7 @@ class ModelNoise:
         self.tube = tube_noise(model.noise_model, model.dt)
         self._white = np.ascontiguousarray(self.tube.white.reshape(2, 9))
         self._lasting = np.ascontiguousarray(self.tube.lasting.reshape(2, 9))
-        self._lasts = bool(self._lasting.any())
+        self.lasts = bool(self._lasting.any())
         self._learned = model.noise_model is not None
         self._fastest = fastest(problem)[0]
         self._unknown_floor_variance = (UNKNOWN_FLOOR_SLIP * model.dt) ** 2
@@ -133,9 +112,6 @@ class ModelNoise:
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
         self.pose_errors = self._pose_errors()
-        # of the state asked for last, since a step asks several times
-        self._level, self._drifting, self._felt_for = 1.0, False, (1.0, False)
-        self._felt = self._inflated(*self._felt_for)
 
     def _pose_errors(self) -> tuple[float, float]:
         """Quantiles of the pose's noise in position and heading, of both ends of a period."""
@@ -146,44 +122,18 @@ class ModelNoise:
             self.step_quantile * math.sqrt(max(heading, 0.0)),
         )
 
-    def felt(self, drift: InnovationState) -> FeltNoise:
-        """Return the noise as inflated by past innovations."""
-        if drift.level != self._level or drift.drifting != self._drifting:
-            errors = self.expected_errors
-            inflation, unknown = errors.inflation(drift), errors.is_unknown_floor(drift)
-            if (inflation, unknown) != self._felt_for:
-                self._felt_for, self._felt = (
-                    (inflation, unknown),
-                    self._inflated(inflation, unknown),
-                )
-            self._level, self._drifting = drift.level, drift.drifting
-        return self._felt
-
-    def _inflated(self, inflation: float, unknown_floor: bool) -> FeltNoise:
+    def inflated(self, inflation: float, unknown_floor: bool) -> InflatedNoise:
         """Scale the noise; inflated noise gets the errors that every model may have added to it."""
         plan, lasting = self._white, self._lasting
         if inflation != 1.0:
             tolerated = self.expected_errors.tolerated
             plan = inflation**2 * self._white + (inflation**2 - 1.0) * tolerated
-        if self._lasts:
+        if self.lasts:
             lasting = inflation**2 * lasting
         command = plan + lasting
         if unknown_floor:
             command[0, [0, 4]] = np.maximum(command[0, [0, 4]], self._unknown_floor_variance)
-        spreads = self._learned or inflation > 1.0
-        return FeltNoise(
-            plan,
-            _factors(plan),
-            _trace(plan),
-            lasting,
-            _factors(lasting) if self._lasts else None,
-            _trace(lasting),
-            command,
-            np.array(_trace(command) + _trace(lasting)),
-            np.concatenate([command[:, HEADING], lasting[:, HEADING]]),
-            spreads,
-            spreads or unknown_floor,
-        )
+        return InflatedNoise(plan, lasting, command, self._learned or inflation > 1.0)
 
 
 def factor(covariance: Array) -> Array:
@@ -212,12 +162,12 @@ def factor(covariance: Array) -> Array:
     return out
 
 
-def _factors(noise: Array) -> Array:
+def factors(noise: Array) -> Array:
     """Factors (3, 6) of two covariances (2, 9), side by side."""
     return np.hstack([factor(part.reshape(STATES, STATES)) for part in noise])
 
 
-def _trace(noise: Array) -> tuple[float, float]:
+def trace(noise: Array) -> tuple[float, float]:
     """Variance of the position by v^2 and by omega^2, of covariances (2, 9)."""
     by_speed, by_turn_rate = (noise[:, 0] + noise[:, 4]).tolist()
     return by_speed, by_turn_rate

@@ -8,12 +8,20 @@ half-planes that are farther away.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels, tube
-from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN, FeltNoise, ModelNoise, factor
+from kmpc_lite.control.margins.model_noise import (
+    SOLVER_MARGIN,
+    InflatedNoise,
+    ModelNoise,
+    factor,
+    factors,
+    trace,
+)
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
@@ -21,12 +29,33 @@ from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.tube import MEMORY, TURN
 from kmpc_lite.types import STATES, Array
 
+HEADING = 8
+"""Place of the heading's variance in a covariance (9,)."""
 NOTHING = np.empty((STATES, 0))
 """Factors of a noise that there is none of."""
 
 FAR_CLEARANCE = 2 / 3
 """Margins are worked out for obstacles within the widest margin and this much more [radii]; for
 those farther away the widest margin is used."""
+
+
+class FeltNoise(NamedTuple):
+    """The noise of a model as inflated by past innovations; worked out once a step."""
+
+    tube: tube.Noise
+    """Of the later periods of a plan, as its margins follow from it."""
+    widest: float
+    """Margin that no plan within the command bounds exceeds [m]."""
+    command: Array
+    """(2, 9) covariances (3, 3) of the coming period, to be multiplied by v^2 and by omega^2, in
+    the robot's frame: larger on an unknown floor."""
+    position_errors: Array
+    """(4,) variances of the coming period by v^2 and by omega^2, then what lasts of them: of the
+    position, in all directions together [m^2] ..."""
+    heading_errors: Array
+    """... and of the heading [rad^2], as `kernels.stop_errors` takes them."""
+    command_errs: bool
+    """Whether there is any noise in the coming period."""
 
 
 class Tightening:
@@ -49,6 +78,8 @@ class Tightening:
         As in the options [m].
     pose_deviation : float
         Standard deviation of a measured position, at full speed [m].
+    calm : FeltNoise
+        As long as innovations are what the model expects.
     """
 
     def __init__(
@@ -77,16 +108,44 @@ class Tightening:
         self.pose_deviation = math.sqrt(max(0.5 * self._pose_variance, 0.0))
         self._heading_periods = self._periods_off(noise)
         self._chord_at_full_speed = self._chord(noise.dt)
-        felt = noise.felt(InnovationState())
         self._pose = factor(noise.tube.pose)
         by_speed = noise.tube.pose_by_speed
         self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING
-        self._widest_for, self._widest = felt, self._work_out_widest(felt)
-        self._tube_for, self._tube = felt, self._tube_of(felt)
+        self.calm = self._felt(1.0, False)
+
+    def felt(self, state: InnovationState) -> FeltNoise:
+        """Work out the noise as past innovations inflate it."""
+        errors = self._noise.expected_errors
+        inflation, unknown = errors.inflation(state), errors.is_unknown_floor(state)
+        return self._felt(inflation, unknown) if unknown or inflation != 1.0 else self.calm
+
+    def _felt(self, inflation: float, unknown_floor: bool) -> FeltNoise:
+        noise, found = self._noise, self._noise.inflated(inflation, unknown_floor)
+        command, lasting = found.command, found.lasting
+        return FeltNoise(
+            tube=tube.Noise(
+                white=factors(found.plan),
+                lasting=factors(lasting) if noise.lasts else NOTHING,
+                pose=self._pose,
+                pose_by_speed=self._pose_by_speed,
+                delay=noise.delay,
+                quantile=noise.quantile,
+                headway_time=self._headway,
+                touch=self._touch,
+                reach=self._reach,
+                solver_margin=self._solver_margin,
+                spreads=found.spreads,
+            ),
+            widest=self._widest(found),
+            command=command,
+            position_errors=np.array(trace(command) + trace(lasting)),
+            heading_errors=np.concatenate([command[:, HEADING], lasting[:, HEADING]]),
+            command_errs=found.spreads or unknown_floor,
+        )
 
     def margins(
         self,
-        drift: InnovationState,
+        felt: FeltNoise,
         lin: Linearization,
         states: Array,
         inputs: Array,
@@ -97,8 +156,8 @@ class Tightening:
 
         Parameters
         ----------
-        drift : InnovationState
-            What past innovations say of the noise.
+        felt : FeltNoise
+            The noise, as past innovations inflate it.
         lin : Linearization
             Of the model at `states[:-1]` and `inputs`.
         states, inputs : ndarray
@@ -117,63 +176,33 @@ class Tightening:
             (N, S) [m].
         """
         kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
-        noise = self.noise_of(drift)
-        return self._kernels.tube_margins(noise, lin.A, states, speeds(inputs), normals, kept)
+        return self._kernels.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
 
     def covariances(
-        self, drift: InnovationState, lin: Linearization, states: Array, inputs: Array
+        self, felt: FeltNoise, lin: Linearization, states: Array, inputs: Array
     ) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]; see `margins`."""
-        factors = tube.factors(self.noise_of(drift), lin.A, states, speeds(inputs))[:, :2]
+        factors = tube.factors(felt.tube, lin.A, states, speeds(inputs))[:, :2]
         out: Array = factors @ factors.transpose(0, 2, 1)
         return out
 
-    def noise_of(self, drift: InnovationState) -> tube.Noise:
-        """What the margins of plans follow from, as past innovations say."""
-        felt = self._noise.felt(drift)
-        if felt is not self._tube_for:
-            self._tube_for, self._tube = felt, self._tube_of(felt)
-        return self._tube
-
-    def _tube_of(self, felt: FeltNoise) -> tube.Noise:
-        return tube.Noise(
-            white=felt.plan_factor,
-            lasting=NOTHING if felt.lasting_factor is None else felt.lasting_factor,
-            pose=self._pose,
-            pose_by_speed=self._pose_by_speed,
-            delay=self._noise.delay,
-            quantile=self._noise.quantile,
-            headway_time=self._headway,
-            touch=self._touch,
-            reach=self._reach,
-            solver_margin=self._solver_margin,
-            spreads=felt.plan_spreads,
-        )
-
-    def widest(self, drift: InnovationState) -> float:
-        """Margin that no plan within the command bounds exceeds [m]."""
-        felt = self._noise.felt(drift)
-        if felt is not self._widest_for:
-            self._widest_for, self._widest = felt, self._work_out_widest(felt)
-        return self._widest
-
-    def _work_out_widest(self, felt: FeltNoise) -> float:
+    def _widest(self, found: InflatedNoise) -> float:
         """Add up all noise at full speed, taken back by nothing but time."""
         v, omega = self._fastest
-        noise = self._noise
+        noise, plan, lasting = self._noise, found.plan, found.lasting
         travel, periods = v * noise.dt, MEMORY + noise.delay
         squares, whole = self._heading_periods
-        by_speed, by_turn_rate = felt.plan_trace
-        turned = felt.plan.item(0, 8) * v * v + felt.plan.item(1, 8) * omega * omega
+        by_speed, by_turn_rate = trace(plan)
+        turned = plan.item(0, HEADING) * v * v + plan.item(1, HEADING) * omega * omega
         turn_variance = periods * turned + self._heading_variance
         variance = (
             periods * (v * v * by_speed + omega * omega * by_turn_rate)
             + travel * travel * turned * squares
             + self._pose_variance
         )
-        if felt.lasting_factor is not None:
-            by_speed, by_turn_rate = felt.lasting_trace
-            turned = felt.lasting.item(0, 8) * v * v + felt.lasting.item(1, 8) * omega * omega
+        if noise.lasts:
+            by_speed, by_turn_rate = trace(lasting)
+            turned = lasting.item(0, HEADING) * v * v + lasting.item(1, HEADING) * omega * omega
             variance += periods**2 * (v * v * by_speed + omega * omega * by_turn_rate)
             variance += travel * travel * turned * whole**2
             turn_variance += periods**2 * turned

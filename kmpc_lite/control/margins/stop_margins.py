@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN, ModelNoise
+from kmpc_lite.control.margins.obstacle_margins import FeltNoise
 from kmpc_lite.control.options import unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
@@ -53,17 +53,17 @@ class StopMargins:
         variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
         self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
 
-    def of_motions(self, drift: InnovationState, distances: Array, turns: Array) -> Array:
+    def of_motions(self, felt: FeltNoise, distances: Array, turns: Array) -> Array:
         """Margins (..., T) at the end of each period [m].
 
         Parameters
         ----------
-        drift : InnovationState
-            What past innovations say of the noise.
+        felt : FeltNoise
+            The noise, as past innovations inflate it.
         distances, turns : ndarray
             What is driven [m] and turned [rad] in each period, (..., T).
         """
-        noise, felt = self._noise, self._noise.felt(drift)
+        noise = self._noise
         if not felt.command_errs:
             return np.full(distances.shape, self._solver_margin)
         errors = self._kernels.stop_errors(
@@ -79,28 +79,26 @@ class StopMargins:
         errors += self._solver_margin
         return errors
 
-    def of_commands(self, drift: InnovationState, commands: Array, slopes: Array) -> Array:
+    def of_commands(self, felt: FeltNoise, commands: Array, slopes: Array) -> Array:
         """Errors (C, ...) of single commands (C, 2) towards things [m].
 
         Parameters
         ----------
-        drift : InnovationState
-            What past innovations say of the noise.
+        felt : FeltNoise
+            The noise, as past innovations inflate it.
         commands : ndarray
             (C, 2) [m/s, rad/s].
         slopes : ndarray
             (..., 3) by how much clearances grow with the pose, in the robot's frame.
         """
-        felt = self._noise.felt(drift)
         commands = speeds(commands)
         noise = ((commands * commands) @ felt.command).reshape(-1, STATES, STATES)
         variance = np.einsum("...i,cij,...j->c...", slopes, noise, slopes)
         out: Array = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
         return out
 
-    def most_of_commands(self, drift: InnovationState, commands: Array) -> Array:
+    def most_of_commands(self, felt: FeltNoise, commands: Array) -> Array:
         """Errors (C,) of single commands (C, 2) in any direction, at the most [m]."""
-        felt = self._noise.felt(drift)
         if not felt.command_errs:
             return np.zeros(len(commands))
         squares = speeds(commands) ** 2

@@ -69,18 +69,17 @@ def _margins(
     found: Clearances,
 ) -> Array:
     """Margins (N, K) [m] of the obstacles, the first columns, and of the sides."""
-    tightening, drift, count = task.tightening, task.drift, found.obstacle_count
-    assert tightening is not None and drift is not None
+    tightening, felt, count = task.tightening, task.felt, found.obstacle_count
+    assert tightening is not None and felt is not None
     margins = np.empty(found.values.shape)
     margins.fill(tightening.side_margin)
     if not count:
         return margins
-    widest = tightening.widest(drift)
     nearest = np.minimum.reduce(found.values[:, :count], axis=None)
-    if nearest < widest + tightening.far_clearance:
+    if nearest < felt.widest + tightening.far_clearance:
         margins[:, :count] = tightening.margins(
-            drift, lin, states, inputs, found.normals[:, :count], task.path_clearance
+            felt, lin, states, inputs, found.normals[:, :count], task.path_clearance
         )
     else:
-        margins[:, :count] = widest
+        margins[:, :count] = felt.widest
     return margins

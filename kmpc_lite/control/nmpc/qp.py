@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.model.linearization import Linearization
@@ -22,6 +23,8 @@ from kmpc_lite.types import STATES, Array
 
 OPEN = 1e3
 """Bound of an unused half-plane row [m]: finite, so that OSQP keeps its factorisation."""
+LOST, LOST_TURN = 10 / 3, 1.0
+"""A pose farther from the predicted one [radii, rad] makes the last plan worthless as a start."""
 HALF_PLANE_SCALE, SLACK_SCALE = 4.0, 8.0
 """Factors of the rows of half-planes, and of those that keep slacks from being negative: their
 multipliers are large, and settle in fewer iterations of ADMM if they are scaled down."""
@@ -58,10 +61,12 @@ class QPCost:
         self.q = np.zeros(self.P.shape[0])
         self.q[(STATES + len(problem.u_min)) * n :] = linear
         self._q_states = self.q[: STATES * n].reshape(n, STATES)
-        self.pull, self._whole = -q.toarray(), q_terminal.toarray()
+        self.pull, self._pull_last = -q.toarray(), -q_terminal.toarray()
         # columns of the last state begin after those of the others
         first = self.P.indptr[STATES * (n - 1)]
         self._last = self.P.data[first : first + STATES * (STATES + 1) // 2]
+        self._whole = q_terminal.toarray().T[np.tril_indices(STATES)]
+        self.terminal_share = -1.0
         self.set_terminal_share(1.0)
 
     def pull_to(self, reference: Array) -> None:
@@ -71,8 +76,9 @@ class QPCost:
 
     def set_terminal_share(self, share: float) -> None:
         """Write how much of the terminal weight counts, from 0 to 1."""
-        self.terminal_share, self.pull_terminal = share, -share * self._whole
-        self._last[:] = -self.pull_terminal.T[np.tril_indices(STATES)]
+        if share != self.terminal_share:
+            self.terminal_share, self.pull_terminal = share, share * self._pull_last
+            self._last[:] = share * self._whole
 
 
 class NavigationQP:
@@ -95,6 +101,9 @@ class NavigationQP:
         Where the entries that a pass writes lie in those of A, in the order of `kernels.fill`.
     next_stage : ndarray
         (m,) the row that each row is a period later.
+    lost, fastest : float
+        How far from where the last plan led the robot may be for that to be a start [m], and the
+        largest number that a command may hold.
     """
 
     def __init__(
@@ -103,6 +112,7 @@ class NavigationQP:
         self._arguments, self._kernels = (problem, history, slots, kernels), kernels
         n, self.inputs = problem.horizon, len(problem.u_min)
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
+        self.lost, self.fastest = LOST * unit_length(problem), max(fastest(problem))
         # turning moves what is not round
         self._directions = 2 if problem.footprint is None else 3
         self.state_columns = np.arange(STATES * n).reshape(n, STATES)
@@ -147,8 +157,8 @@ class NavigationQP:
         self._half_plane_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
         self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
-        fastest = problem.max_wheel_speed
-        self.lower[self.wheel_rows], self.upper[self.wheel_rows] = -fastest, fastest
+        wheel_speed = problem.max_wheel_speed
+        self.lower[self.wheel_rows], self.upper[self.wheel_rows] = -wheel_speed, wheel_speed
         self.lower[self.steering_rows], self.upper[self.steering_rows] = -OPEN, 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -150,7 +150,7 @@ class SQP:
         self.workspace.restart()
         if self._rates.active:
             self.qp.set_last_command(task.last)
-            guess = replace(guess, inputs=self._rates.in_reach(guess.inputs, task.last))
+            guess = guess._replace(inputs=self._rates.in_reach(guess.inputs, task.last))
         self.qp.cost.set_terminal_share(task.terminal_share)
         self._steer(task, guess.states[0])
         run = SQPResult(guess)
@@ -230,8 +230,8 @@ class SQP:
         states, inputs = found.states - guess.states, found.inputs - guess.inputs
         run.step = max(float(np.abs(states).max()), float(np.abs(inputs).max()))
         if share < 1.0:
-            found = replace(
-                found, states=guess.states + share * states, inputs=guess.inputs + share * inputs
+            found = found._replace(
+                states=guess.states + share * states, inputs=guess.inputs + share * inputs
             )
         past = command_windows(task.model.history, task.past, found.inputs)
         predicted = task.model.predict(found.states[:-1], found.inputs, past)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.margins.obstacle_margins import Tightening
+from kmpc_lite.control.margins.obstacle_margins import FeltNoise, Tightening
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.model.motion import MotionModel
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Nearby
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Task:
+class Task(NamedTuple):
     """Model, reference, obstacles, margins and deadline of one call."""
 
     model: MotionModel
@@ -35,8 +33,8 @@ class Task:
     """Polygons, walls and grids that the robot can come to."""
     tightening: Tightening | None = None
     """Margins beyond the radii; worked out at each linearisation and held during the pass."""
-    drift: InnovationState | None = None
-    """What past innovations say of the noise; given with `tightening`."""
+    felt: FeltNoise | None = None
+    """The noise, as past innovations inflate it; given with `tightening`."""
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""

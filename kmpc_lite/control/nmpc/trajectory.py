@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.input_checks import POSITION_LIMIT
-from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.control.options import fastest, unit_length
+from kmpc_lite.control.nmpc.qp import LOST_TURN, NavigationQP
+from kmpc_lite.control.options import fastest
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import Array
 
-LOST = 10 / 3, 1.0
-"""A pose farther from the predicted one [radii, rad] makes the last plan worthless as a start."""
 ROUNDING = 1e-9
 """By which a command may pass its bound."""
 FARTHEST = 2 * POSITION_LIMIT
 """From the robot, in its own units, and in its turns [rad]: a plan that leads farther is spoilt."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Trajectory:
+class Trajectory(NamedTuple):
     """States, commands and multipliers: an iterate, and a warm start."""
 
     states: Array
@@ -77,9 +74,9 @@ def one_period_later(qp: NavigationQP, last: Trajectory | None, here: Array) -> 
         return None
     dx, dy, turned = (last.states[1] - here).tolist()
     turns = nearest_turn(turned) if abs(turned) <= POSITION_LIMIT else 0.0
-    lost = LOST[0] * unit_length(qp.problem)
+    lost = qp.lost
     # also false for NaN
-    if not (abs(dx) <= lost and abs(dy) <= lost and abs(turned - turns) <= LOST[1]):
+    if not (abs(dx) <= lost and abs(dy) <= lost and abs(turned - turns) <= LOST_TURN):
         return None
     states = np.concatenate([here[None], last.states[2:], last.states[-1:]])
     inputs = np.concatenate([last.inputs[1:], last.inputs[-1:]])
@@ -87,7 +84,7 @@ def one_period_later(qp: NavigationQP, last: Trajectory | None, here: Array) -> 
     # also false for NaN
     if not (
         np.maximum.reduce(np.abs(states - here), axis=None) <= FARTHEST
-        and np.maximum.reduce(np.abs(inputs), axis=None) <= max(fastest(qp.problem)) + ROUNDING
+        and np.maximum.reduce(np.abs(inputs), axis=None) <= qp.fastest + ROUNDING
         and math.isfinite(np.add.reduce(duals))
     ):
         return None

@@ -20,15 +20,14 @@ It holds as far as these are true:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import safe_motion as kernel
+from kmpc_lite.control.margins.obstacle_margins import FeltNoise
 from kmpc_lite.control.margins.stop_margins import StopMargins
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
@@ -48,8 +47,7 @@ TURN_ALLOWANCE = 1 / 150
 be able to turn free."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class MotionTask:
+class MotionTask(NamedTuple):
     """What a motion starts from, and what it must be clear of."""
 
     model: MotionModel
@@ -62,8 +60,8 @@ class MotionTask:
     """What is around the robot."""
     margins: StopMargins | None = None
     """Of motions; without them every plan is accepted."""
-    drift: InnovationState | None = None
-    """What past innovations say of the noise; given with `margins`."""
+    felt: FeltNoise | None = None
+    """The noise, as past innovations inflate it; given with `margins`."""
 
 
 class SafeMotion(NamedTuple):
@@ -181,9 +179,9 @@ class SafeMotions:
         driven, turned = (self._dt * speeds(given).sum(axis=0)).tolist()
         far = OVERSPEED * (driven + self._reach * turned)
         time = self._dt * (len(ramp) + task.model.history)
-        assert task.margins is not None and task.drift is not None
+        assert task.margins is not None and task.felt is not None
         one = np.array([driven]), np.array([turned])
-        far += float(task.margins.of_motions(task.drift, *one)[0]) + time * task.around.fastest()
+        far += float(task.margins.of_motions(task.felt, *one)[0]) + time * task.around.fastest()
         places = places_of(self._footprint, here)
         nearest = task.around.clearance(places[None, None], np.zeros(1), places) - self._radius
         return bool((nearest > far).all())
@@ -232,8 +230,8 @@ class SafeMotions:
 
     def _are_clear(self, here: Array, motions: Motions, task: MotionTask) -> Array:
         """Which of the motions from a pose (3,) stay clear, (C,)."""
-        margins, drift, around = task.margins, task.drift, task.around
-        assert margins is not None and drift is not None
+        margins, felt, around = task.margins, task.felt, task.around
+        assert margins is not None and felt is not None
         commands, radius = motions.commands, self._radius
         states = self.rollout(task.model, here, commands, task.past)
         steps = np.diff(states, axis=1)
@@ -244,11 +242,11 @@ class SafeMotions:
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
         clearance = around.clearance(places, times, begin) - radius
-        needed = margins.of_motions(drift, distances, steps[..., 2]).repeat(count, axis=1)
+        needed = margins.of_motions(felt, distances, steps[..., 2]).repeat(count, axis=1)
         ends = count * (kernel.lengths(commands) + task.model.history)
         # of most motions this is enough to know
         travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
-        error = margins.most_of_commands(drift, commands[:, 0]) + margins.pose_error
+        error = margins.most_of_commands(felt, commands[:, 0]) + margins.pose_error
         chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
         lost = chord * chord / (8.0 * self._unit)
         sure = self._kernels.surely_clear(clearance, needed, error, travel, ends, lost)
@@ -257,7 +255,7 @@ class SafeMotions:
         standing = around.clearance(begin[None, None], times, begin) - radius
         clearance = self._kernels.between_samples(clearance, standing, places, begin, self._unit)
         slopes = around.slopes(begin, here, kernel.TINY_STEP * self._unit)
-        errors = margins.of_commands(drift, commands[:, 0], slopes)
+        errors = margins.of_commands(felt, commands[:, 0], slopes)
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
             needed[:, :count] = -np.inf

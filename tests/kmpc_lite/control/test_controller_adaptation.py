@@ -258,23 +258,25 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     inputs = np.tile((0.6, 0.0), (20, 1))
     states = knowing[0.0].rollout(np.zeros(3), inputs)
     lin, normals = knowing[0.0].linearize(states[:-1], inputs), np.tile((0.0, 1.0), (20, 1, 1))
-    margins, drift = controller.known.margins, InnovationState()
+    margins, state = controller.known.margins, InnovationState()
     assert margins is not None
+    tightening = margins.tightening
     # what one period of an unknown floor may do is kept in any case
-    kept = margins.tightening.margins(drift, lin, states, inputs, normals)
+    kept = tightening.margins(tightening.calm, lin, states, inputs, normals)
     assert kept.min() > MarginOptions().headway * controller.problem.robot_radius
 
     def spread() -> float:
-        return float(margins.tightening.covariances(drift, lin, states, inputs).max())
+        return float(tightening.covariances(tightening.felt(state), lin, states, inputs).max())
 
     def single() -> float:
         ahead = np.array((1.0, 0.0, 0.0))
-        return float(margins.stop_margins.of_commands(drift, inputs[:1], ahead)[0])
+        felt = tightening.felt(state)
+        return float(margins.stop_margins.of_commands(felt, inputs[:1], ahead)[0])
 
     calm, before = spread(), single()
     for _ in range(5):
         # pushed sideways by a slip of 0.2
-        margins.expected_errors.judge(drift, np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
+        margins.expected_errors.judge(state, np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
     assert spread() > calm + 0.01**2
     assert single() > before + 0.1
 

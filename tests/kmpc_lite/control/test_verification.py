@@ -37,7 +37,7 @@ def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observa
         np.zeros(2),
         Surroundings(things),
         margins=margins.stop_margins,
-        drift=controller.state.innovation,
+        felt=margins.tightening.calm,
     )
     return controller, result, seen, task
 
@@ -68,7 +68,7 @@ def test_without_margins_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetre
     # the plan ends at x = 1
     circles = np.array([[1.0 + 0.35 - depth, 0.0, 0.2, 0.0, 0.0]])
     controller, result, seen, task = contradicted(circles)
-    task = replace(task, margins=None, drift=None)
+    task = task._replace(margins=None, felt=None)
     verified = controller._pipeline._verification.check(result, seen, task)
     assert (verified.motion is not None) is driven
 
@@ -76,7 +76,7 @@ def test_without_margins_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetre
 def test_without_margins_such_a_plan_is_not_driven() -> None:
     circles = np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
     controller, result, seen, task = contradicted(circles)
-    task = replace(task, margins=None, drift=None)
+    task = task._replace(margins=None, felt=None)
     assert controller._pipeline._verification.check(result, seen, task).motion is None
 
 

@@ -11,7 +11,6 @@ from wary import CIRCLES, PROBLEM, Wary, slipping
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import Footprint, NavigationProblem, nominal_unicycle
 from kmpc_lite.control.estimate.expected_errors import UNKNOWN_INFLATION
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.margins.model_noise import UNKNOWN_FLOOR_SLIP
 from kmpc_lite.model.noise_model import NoiseModel
 
@@ -126,18 +125,18 @@ def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away(dt, accur
 
 def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> None:
     wary = Wary(slipping(0.2), PROBLEM)
-    check, calm = wary.of.stop_margins, InnovationState()
-    felt, solver = check._noise.felt(calm), wary.margin(0.0, 0.0)
-    one, four = (check.of_motions(calm, np.full(n, 0.06), np.full(n, 0.03))[-1] for n in (1, 4))
+    check, felt = wary.of.stop_margins, wary.felt
+    solver = wary.margin(0.0, 0.0)
+    one, four = (check.of_motions(felt, np.full(n, 0.06), np.full(n, 0.03))[-1] for n in (1, 4))
     # its headings lead aside by a hair
     assert one == pytest.approx(wary.margin(0.6, 0.3), rel=1e-3)
-    lasting = 0.6**2 * felt.lasting_trace[0] + 0.3**2 * felt.lasting_trace[1]
+    lasting = 0.6**2 * felt.position_errors[2] + 0.3**2 * felt.position_errors[3]
     whole = 0.6**2 * felt.position_errors[0] + 0.3**2 * felt.position_errors[1]
     rare, usual = check._noise.step_quantile, check._noise.quantile
     expected = (4 * rare**2 * (whole - lasting) + 16 * usual**2 * lasting) ** 0.5
     assert usual < rare and four - solver == pytest.approx(expected, rel=1e-2)
     # a robot that has stopped errs no farther
-    stopped = check.of_motions(calm, np.array([0.06, 0.0, 0.0]), np.zeros(3))
+    stopped = check.of_motions(felt, np.array([0.06, 0.0, 0.0]), np.zeros(3))
     assert stopped == pytest.approx(np.full(3, wary.margin(0.6, 0.0)), rel=1e-3)
 
 
@@ -148,7 +147,8 @@ def test_a_heading_that_is_off_leads_a_stop_aside_by_all_that_is_driven_after() 
         nominal_unicycle(0.1),
         noise_model=NoiseModel(coefficients),
     )
-    check, calm = Wary(model, PROBLEM).of.stop_margins, InnovationState()
+    wary = Wary(model, PROBLEM)
+    check, calm = wary.of.stop_margins, wary.felt
     distances, turns = np.array([0.06, 0.04, 0.02, 0.0]), np.array([0.05, -0.03, 0.0, 0.0])
     found = check.of_motions(calm, distances, turns) - check.of_motions(calm, 0 * turns, 0 * turns)
     off = 2e-3 * (distances / 0.1) ** 2 + 1e-3 * (turns / 0.1) ** 2
@@ -164,7 +164,7 @@ def test_a_single_command_errs_towards_a_thing_as_its_noise_lies() -> None:
     model = dataclasses.replace(nominal_unicycle(0.1), noise_model=NoiseModel(coefficients))
     wary = Wary(model, PROBLEM)
     found = wary.of.stop_margins.of_commands(
-        wary.drift, np.array([(0.5, 0.0), (1.0, 0.0)]), np.eye(3)
+        wary.felt, np.array([(0.5, 0.0), (1.0, 0.0)]), np.eye(3)
     )
     assert found.shape == (2, 3)
     assert found[0, 1] == pytest.approx(wary.of.noise.step_quantile * 0.5 * 0.02)
@@ -175,9 +175,9 @@ def test_a_stop_of_a_robot_that_is_not_round_has_room_for_errors_of_its_turn() -
     long = NavigationProblem(footprint=Footprint.rectangle(0.8, 0.3, ahead=0.2))
     wary, turns = Wary(slipping(0.2), long), np.full(3, 0.03)
     check, still = wary.of.stop_margins, np.zeros(3)
-    assert check.of_motions(wary.drift, still[:1], turns[:1])[0] == pytest.approx(
+    assert check.of_motions(wary.felt, still[:1], turns[:1])[0] == pytest.approx(
         wary.margin(0.0, 0.3)
     )
-    round_one = Wary(slipping(0.2), PROBLEM).of.stop_margins
-    wider = check.of_motions(wary.drift, still, turns)
-    assert (wider > 2.0 * round_one.of_motions(InnovationState(), still, turns)).all()
+    round_one = Wary(slipping(0.2), PROBLEM)
+    wider = check.of_motions(wary.felt, still, turns)
+    assert (wider > 2.0 * round_one.of.stop_margins.of_motions(round_one.felt, still, turns)).all()

@@ -147,7 +147,7 @@ def test_the_same_robot_in_other_units_keeps_the_same_distances() -> None:
     motion = controller.known.model
     by_state, by_command = scale.state, scale.command
     inside = inner.tightening.covariances(
-        controller.state.innovation,
+        inner.tightening.calm,
         motion.linearize(states[:-1] / by_state, inputs / by_command, None),
         states / by_state,
         inputs / by_command,

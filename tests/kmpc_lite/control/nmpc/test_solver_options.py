@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -64,7 +63,7 @@ def test_a_qp_gets_some_time_even_past_the_deadline(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(sqp.workspace, "solve", watched)
     for deadline in (4.0, 5.2, np.inf):
-        sqp.solve(at_rest(sqp.qp, np.zeros(3)), replace(TASK, deadline=deadline))
+        sqp.solve(at_rest(sqp.qp, np.zeros(3)), TASK._replace(deadline=deadline))
     np.testing.assert_allclose(limits[0], 5e-5)
     assert limits[1] == pytest.approx(0.2) and limits[-1] is None
 
@@ -85,7 +84,7 @@ def test_no_pass_begins_that_would_not_end_in_time() -> None:
     moments = iter(np.arange(0.0, 100.0, 0.25))
     sqp = SQP(PROBLEM, 0, iterations=50, tolerance=1e-12, clock=lambda: float(next(moments)))
     guess = along(sqp.qp, GOAL, np.array((0.0, 0.0, -2.5)))
-    found = sqp.solve(guess, replace(TASK, deadline=5.0))
+    found = sqp.solve(guess, TASK._replace(deadline=5.0))
     assert 1 <= found.passes < 6 and "time budget" in found.reason
 
 

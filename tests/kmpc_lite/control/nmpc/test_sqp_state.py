@@ -49,7 +49,7 @@ def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins)
         np.zeros((model.history, 2)),
         np.zeros(2),
         tightening=margins.tightening,
-        drift=InnovationState(),
+        felt=margins.tightening.calm,
     )
     return sqp.solve(guess, task).trajectory
 
@@ -85,11 +85,12 @@ def test_margins_of_a_state_do_not_depend_on_the_states_asked_for_before(
     inputs = np.tile((0.5, 0.2), (20, 1))
     states = learned.rollout(np.zeros(3), inputs)
     plan = learned.linearize(states[:-1], inputs), states, inputs, np.tile((0.0, 1.0), (20, 2, 1))
-    before = margins.tightening.margins(calm, *plan).copy()
-    wider = margins.tightening.margins(alarmed, *plan)
+    tightening = margins.tightening
+    before = tightening.margins(tightening.felt(calm), *plan).copy()
+    wider = tightening.margins(tightening.felt(alarmed), *plan)
     assert (wider >= before).all() and (wider > before)[5:].all()
-    assert margins.tightening.widest(alarmed) > margins.tightening.widest(calm)
-    np.testing.assert_array_equal(margins.tightening.margins(calm, *plan), before)
+    assert tightening.felt(alarmed).widest > tightening.felt(calm).widest
+    np.testing.assert_array_equal(tightening.margins(tightening.felt(calm), *plan), before)
 
 
 def test_a_model_that_expects_more_noise_finds_less_of_it_unexpected(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,10 +51,10 @@ def find(
     last = inputs[0] if last is None else last
     past = np.tile(last, (model.history, 1))
     states = model.rollout(np.zeros(3), inputs, past)
-    margins = Margins(model, problem).stop_margins
+    margins = Margins(model, problem)
     if pose_error is not None:
-        margins.pose_error = pose_error
-    task = MotionTask(model, past, last, around, margins, InnovationState())
+        margins.stop_margins.pose_error = pose_error
+    task = MotionTask(model, past, last, around, margins.stop_margins, margins.tightening.calm)
     return SafeMotions(problem, StopOptions(**options)).find(states, inputs, task)
 
 
@@ -300,13 +299,14 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     model, margins = NOMINAL, Margins(NOMINAL, PROBLEM)
     beside, inputs = Surroundings(rows((0.0, 0.39, 0.2))), np.tile((0.6, 0.0), (20, 1))
     states, none = model.rollout(np.zeros(3), inputs), np.zeros((0, 2))
-    drift = InnovationState()
+    state, tightening = InnovationState(), margins.tightening
     motions = SafeMotions(PROBLEM, StopOptions())
-    task = MotionTask(model, none, np.zeros(2), beside, margins.stop_margins, drift)
+    task = MotionTask(model, none, np.zeros(2), beside, margins.stop_margins, tightening.calm)
     assert not motions.find(states, inputs, task).slowed
     for _ in range(3):
-        margins.expected_errors.judge(drift, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
-    assert motions.find(states, inputs, replace(task, drift=drift)).inputs[0, 0] < 0.4
+        margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
+    task = task._replace(felt=tightening.felt(state))
+    assert motions.find(states, inputs, task).inputs[0, 0] < 0.4
 
 
 def test_what_may_come_out_of_the_unknown_comes_nearer_until_the_robot_stands() -> None:
