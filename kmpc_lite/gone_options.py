@@ -81,7 +81,7 @@ GONE = {
     ),
     **_gone(
         "tracker",
-        "what a scan shows of a pedestrian is told in radii of the robot",
+        "what a scan shows of a pedestrian is measured in radii of the robot",
         "gap largest_cluster fewest_hits strayed",
     ),
     **_gone(
@@ -99,12 +99,12 @@ GONE = {
     "stop.slower_shares": "the largest share whose motion to rest stays clear is driven",
     "stop.turn_only_share": "turning alone is tried after the shares of a command",
     "stop.makes_room": "a motion leaves a thing if half of what it drives leads away",
-    "stop.overspeed": "what is far is told by margins",
+    "stop.overspeed": "margins say what is far",
     "stop.quick_look_error": "every motion is rolled out with the model",
     "stop.quick_look_error_share": "every motion is rolled out with the model",
     "margins.check_margin": "what arcs cut off is computed",
     "margins.check_corrections": "shares are tried at once",
-    "margins.check_far_periods": "what is far is told by margins",
+    "margins.check_far_periods": "margins say what is far",
     "margins.retreat_share": "a motion that leads away is always allowed",
     **_gone(
         "margins",

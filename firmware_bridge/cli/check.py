@@ -123,7 +123,7 @@ def _kernels() -> Finding:
 
 
 def _answers(robot: Robot, seconds: float) -> list[Finding]:
-    """Who answers, and what the gate would say; where the lidar does not, what the board says."""
+    """What answers, and what the gate would say; if the lidar does not, what the board says."""
     driver = open_driver(robot, open_transport(robot.link.url))
     try:
         driver.connect(robot.link.timeout)

@@ -21,7 +21,7 @@ from firmware_bridge.recording.drive.mcap_writer import Message
 from firmware_bridge.recording.drive.schemas import TOPICS
 
 KEPT = ("/map", "/path", "/obstacles", "/gate")
-"""Topics on which messages are rare: told again for those who come late, so often [s]: ..."""
+"""Topics on which messages are rare: repeated for watchers that come late, so often [s]: ..."""
 AGAIN = 1.0
 NICE = 5
 """The program that drives goes first."""
@@ -30,7 +30,7 @@ BACKLOG = 64
 
 
 class Topics:
-    """The channels of Foxglove, and what was told last on those where messages are rare."""
+    """The channels of Foxglove, and what was sent last on those where messages are rare."""
 
     def __init__(self) -> None:
         import foxglove
@@ -52,7 +52,7 @@ class Topics:
         self._channels[message.topic].log(data, log_time=message.time)
 
     def tell_again(self) -> None:
-        """Show what is rare to those who have come since."""
+        """Repeat what is rare for watchers that have come since."""
         if time.monotonic() - self._told >= AGAIN:
             self._told = time.monotonic()
             for message in list(self._kept.values()):

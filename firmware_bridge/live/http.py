@@ -48,7 +48,7 @@ class Request:
 
     @property
     def may_keep(self) -> bool:
-        """Whether who asks would send more on the same connection."""
+        """Whether the client would send more on the same connection."""
         return self.headers.get("connection", "keep-alive").lower() == "keep-alive"
 
     def json(self) -> dict[str, Any]:

@@ -44,7 +44,7 @@ LINE_PACE, LINE_PATIENCE = 0.5, 30.0
 ASKING = 4
 """Requests of people that are carried out at once; stops share one."""
 SILENCE = 0.5
-"""Watchers are told how long nothing has come from the program that drives, so often [s]."""
+"""Watchers see how long nothing has come from the program that drives, so often [s]."""
 OBEY = 1.0
 """How long the gate may take to carry out a reset: only then does an enable count [s]."""
 STOPPED = "ESTOP"

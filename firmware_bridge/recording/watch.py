@@ -104,7 +104,7 @@ class DriveWatch:
         self.stretches.append([])
 
     def _judge(self) -> str:
-        """Say what is wrong, if anything is; a pose that stays is told by the gate's `Unmoved`."""
+        """Say what is wrong, if anything is; a pose that stays is found by the gate's `Unmoved`."""
         options = self._options
         speed, turn = self._meter.speed(), self._meter.turn()
         wrong = self._wrong(speed, "drive", "m") or self._wrong(turn, "turn", "rad")

@@ -64,8 +64,8 @@ class Ros2Driver:
     def connect(self, timeout: float, read: bool = True) -> None:
         """Open the session and wait for a router or a peer; LinkError after `timeout` [s].
 
-        Messages are read by threads of their own, or where `read` is false by who calls `look` of
-        the `readers`.
+        Messages are read by threads of their own, or, if `read` is false, by the caller of the
+        readers' `look`.
         """
         self.node.open()
         self.node.wait(timeout)

@@ -14,7 +14,7 @@ from firmware_bridge.runtime.route import Route
 
 Pose = tuple[float, float, float]
 SHOWN = 10
-"""Goals of a route that are still told of once they are held."""
+"""Goals of a route that are still reported once they are held."""
 PARTS = 4
 """Places between two poses at which the distance to obstacles is checked."""
 STANDING = 1.0

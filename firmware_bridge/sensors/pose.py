@@ -99,7 +99,7 @@ class PoseFilter:
     """Believes or refuses what a source says, on the times it is given; counts what it refuses.
 
     The source's clock may be any: the shortest way seen counts as none, so that a pose that waited
-    on the way is told by its age.
+    on the way is known by its age.
     """
 
     def __init__(self) -> None:

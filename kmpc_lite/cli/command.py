@@ -51,7 +51,7 @@ class Command:
     run: Callable[[argparse.Namespace], int] = _nothing
     """Does it, and returns the exit status."""
     errors: tuple[type[Exception], ...] = ()
-    """Told in one line with exit status 2, like `KmpcError`."""
+    """Reported in one line with exit status 2, like `KmpcError`."""
     commands: Mapping[str, Command] = field(default_factory=dict)
     """Not empty: a group, whose commands these are."""
 

@@ -68,7 +68,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "--wheelbase",
         type=positive,
         metavar="M",
-        help="distance between a car's axles, if it is told steering angles; found if not given",
+        help="distance between a car's axles, if its log has steering angles; found if not given",
     )
     add(
         "--shift",

@@ -17,7 +17,7 @@ from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.types import Array
 
 TURNING = 0.3
-"""Share of the largest turn rate above which a robot is told to turn."""
+"""Share of the largest turn rate above which a robot is commanded to turn."""
 FAST = 0.6
 """Share of the largest speed that parts slow driving from fast driving."""
 # how much a log must show of each way of driving

@@ -58,7 +58,7 @@ class Candidate:
     fitted: Array
     """Moments whose sum is minimised, (B, p + 1, p + 1)."""
     judged: Array
-    """Moments that the error is told from, (B, p + 1, p + 1)."""
+    """Moments that the error is computed from, (B, p + 1, p + 1)."""
     columns: Array
     """Weights that are free; the others stay as they are in `base`."""
     base: Array
@@ -124,7 +124,7 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
     """Choose a candidate, and tell what the choice is worth against a reference.
 
     For each fold, the choice is made by cross-validation among the other folds, the weights are
-    fitted to them, and the errors are told on the fold.
+    fitted to them, and the errors are taken on the fold.
 
     Parameters
     ----------

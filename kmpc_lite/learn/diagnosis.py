@@ -2,8 +2,8 @@
 
 Displacements are regressed on the motion, the same seen in a mirror, a drift of the world, the
 motion without its sign and a creep of the robot; turns alike. What the log does not tell apart from
-what comes before it is not told at all: a robot that always drives at one speed shows no creep. The
-blocks' jackknife tells how sure each is.
+what comes before it is not reported at all: a robot that always drives at one speed shows no creep.
+The blocks' jackknife tells how sure each is.
 """
 
 from __future__ import annotations

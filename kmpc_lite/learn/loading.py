@@ -41,7 +41,7 @@ def load_logs(
     gap : float, optional
         A longer time between poses ends an episode [s].
     how : ReadOptions, optional
-        How the logs are to be read; with ``force`` suspects are told instead of refused.
+        How the logs are to be read; with ``force`` suspects are reported instead of refused.
     tell : callable, optional
         Takes lines about what each log is.
 
@@ -174,7 +174,7 @@ def _read(file: Path, how: ReadOptions) -> tuple[Log, list[str]]:
 
 
 def _find_car(data: Dataset) -> list[str]:
-    """Say where the robot does not turn on the spot though it is told to."""
+    """Say where the robot does not turn on the spot though it is commanded to."""
     try:
         refuse_car_like(data)
     except DataError as error:

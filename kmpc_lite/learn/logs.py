@@ -183,7 +183,7 @@ class ReadOptions:
     spacing: float = 0.005
     """Messages of a stream that come closer than this are left out [s]."""
     progress: Callable[[int, int], None] | None = None
-    """Told now and then how much of a large file has been read, and how much there is."""
+    """Called now and then with how much of a large file has been read, and how much there is."""
 
     def __post_init__(self) -> None:
         """Check the names once."""

@@ -62,7 +62,7 @@ def format_making(info: Mapping[str, Any]) -> str:
     """Lines for a terminal, of a model's `info`."""
     driven, stopping = info["driven"], info["stopping"]
     name = info.get("vehicle")
-    who = ", ".join(f"{k} {v}" for k, v in name.items()) if name else "not told (--vehicle NAME)"
+    who = ", ".join(f"{k} {v}" for k, v in name.items()) if name else "not given (--vehicle NAME)"
     lines = [
         f"robot  {who}",
         f"speeds {driven['forward']:.2g} m/s forward, {driven['reverse']:.2g} m/s back, "

@@ -1,4 +1,4 @@
-"""How fast a robot changes its speeds, where that is slower than it is told: its ramps.
+"""How fast a robot changes its speeds, where that is slower than it is commanded: its ramps.
 
 Motor boards and heavy robots follow a command that jumps by a ramp. That is no lag: its time grows
 with the size of the jump, and a model with a lag promises a stop from full speed far too soon. So
@@ -158,7 +158,7 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
 
 
 def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
-    """Mean speeds (T, C) of each period that follow told ones (T,) by ramps (C,)."""
+    """Mean speeds (T, C) of each period that follow commanded ones (T,) by ramps (C,)."""
     speed = np.full(len(faster), told[0])
     up, down = faster * dt / PARTS, slower * dt / PARTS
     means = np.empty((len(told), len(faster)))

@@ -136,12 +136,12 @@ def _errors(asked: Array, moved: Array, delay: float, blocks: int) -> Array:
 
 
 STANDING = 0.1
-"""Share of the largest speed below which a robot counts as told to stand, and of the largest turn
-rate below which it counts as told to drive straight on."""
+"""Share of the largest speed below which a robot counts as commanded to stand, and of the largest
+turn rate below which it counts as commanded to drive straight on."""
 FAST = 0.5
 """Share of the largest speed from which a stop begins, at least."""
 REST = 0.5
-"""How long the robot is told to stand, at least [s]."""
+"""How long the robot is commanded to stand, at least [s]."""
 FALLS = 0.005
 """Share of the largest speed by which a command falls from one row to the next, at least."""
 
@@ -208,7 +208,7 @@ class Stopping:
         return asdict(self)
 
     def distance(self, speed: float) -> float | None:
-        """Way from a speed [m/s] to a standstill [m], once the robot is told to stop."""
+        """Way from a speed [m/s] to a standstill [m], once the robot is commanded to stop."""
         if self.deceleration is None:
             return None
         return speed * self.delay + speed**2 / (2.0 * self.deceleration)
@@ -272,7 +272,7 @@ def _delay(model: KoopmanModel, log: Dataset) -> float:
     """How late the motion along the heading follows the commanded speed [s].
 
     As the model has learned it, else as the log shows it: the likeliest delay even where it is not
-    sure, for one that is told too short is a stop that comes too late.
+    sure, for one that is given too short is a stop that comes too late.
     """
     response = model.info.get("response")
     known = float(sum(response["speed"])) if isinstance(response, dict) else 0.0

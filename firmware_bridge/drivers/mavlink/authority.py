@@ -1,4 +1,4 @@
-"""Who controls the robot: the bridge takes it when asked, never from a pilot, and gives it back.
+"""Which end controls the robot: the bridge takes control when asked, never from a pilot.
 
 To give it back, HOLD is asked for until the vehicle confirms it.
 """

@@ -1,4 +1,4 @@
-"""Who else sends on the link, and what ground stations may send to a vehicle that is driven.
+"""What else sends on the link, and what ground stations may send to a vehicle that is driven.
 
 Other masters are a fault. A station's frame passes as it came, with its ids, sequence number and
 signature, or not at all.

@@ -79,7 +79,7 @@ CORNERS = 90
 ALL_AROUND = 0.99 * 2.0 * np.pi
 """Field of view without a gap [rad]."""
 STEP = 0.005
-"""To which the corners are told [m]."""
+"""To which the corners are rounded [m]."""
 
 
 def scan_among(obstacles: Any) -> LaserScan | None:

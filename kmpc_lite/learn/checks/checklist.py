@@ -43,7 +43,7 @@ NEVER_MOVES = (
 SLOW = 0.1
 """Share of the largest speed below which a robot counts as standing."""
 TURNING = 0.3
-"""Share of the largest turn rate above which a robot is told to turn."""
+"""Share of the largest turn rate above which a robot is commanded to turn."""
 SPOT = 1.0
 """Length of a stretch that shows a turn on the spot [s]."""
 FEWEST = 3
@@ -67,7 +67,7 @@ def refuse_frozen(dataset: Dataset) -> None:
 
 
 def refuse_car_like(dataset: Dataset) -> None:
-    """Refuse a robot that is told to turn on the spot and does not, however late it answers.
+    """Refuse a robot that is commanded to turn on the spot and does not, however late it answers.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def refuse_car_like(dataset: Dataset) -> None:
     )
     if abs(usual) > 0.05 and abs(spot) < FOLLOWS * abs(usual):
         raise DataError(
-            "this robot does not turn on the spot: told to, it turns by "
+            "this robot does not turn on the spot: commanded to, it turns by "
             f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. It is a "
             "car: its log needs the steering angle (column steering) instead of a turn rate"
         )
@@ -113,7 +113,7 @@ CHECKS: dict[str, Callable[[Case], str | None]] = {
     "grip": beyond_grip,
     "clocks": clocks_differ,
 }
-"""By name, in the order in which they are told."""
+"""By name, in the order in which they are reported."""
 
 
 class Suspect(NamedTuple):

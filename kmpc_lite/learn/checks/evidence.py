@@ -1,6 +1,6 @@
 """What a log shows of how its motion follows from its heading and its commands.
 
-A wheeled robot moves along its heading and turns as it is told: over any stretch of time the
+A wheeled robot moves along its heading and turns as it is commanded: over any stretch of time the
 displacement is proportional to the sum of ``v exp(i theta)``, and the turn to the sum of omega.
 The factors tell units, the direction tells frames, and what is left over tells whether heading,
 commands and motion belong together at all. Nothing here depends on how large or fast a robot is.

@@ -1,7 +1,7 @@
 """A log at the times of its poses: where the robot was, what was asked of it, what is odd in it.
 
-Jumps and stand-stills of the poses are told though the log is learned from. A pose that is repeated
-to the last digit while the robot is told to move is no new one.
+Jumps and stand-stills of the poses are reported though the log is learned from. A pose that is
+repeated to the last digit while the robot is commanded to move is no new one.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ STANDING = 0.1
 LATE = 1.5
 """Periods of a model that may pass between two new poses of a moving robot."""
 LOST = 3.0
-"""Time for which a robot is told to move while its pose stands still [s]."""
+"""Time for which a robot is commanded to move while its pose stands still [s]."""
 
 
 def tell_poses(log: Log, dt: float) -> list[str]:
@@ -184,8 +184,8 @@ def _tell_repeats(log: Log, dt: float, rows: Array, asked: Array) -> list[str]:
     longest = int(np.argmax(told * lost))
     return [
         f"{log.where(int(rows[longest]))}: the pose does not change for {steps[longest]:.3g} s, in "
-        f"which the robot is told to move ({int(lost.sum())} such): blocked, or its pose was lost; "
-        "cut that out"
+        f"which the robot is commanded to move ({int(lost.sum())} such): blocked, or its pose was "
+        "lost; cut that out"
     ]
 
 

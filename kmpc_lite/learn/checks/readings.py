@@ -90,7 +90,7 @@ def varies(case: Case, channel: int) -> bool:
 
 
 def positions_mirrored(case: Case) -> bool:
-    """Whether theta turns as told, so that x and y are what is mirrored."""
+    """Whether theta turns as commanded, so that x and y are what is mirrored."""
     return case.turns.sure and case.turns.factor.real > 0.0
 
 
@@ -115,7 +115,7 @@ def theta_in_degrees(case: Case) -> str | None:
     if not case.degrees:
         return None
     return (
-        "theta is in degrees: the robot moves along it, and turns as told, only if read so; "
+        "theta is in degrees: the robot moves along it, and turns as commanded, only if read so; "
         f"--units theta={theta_unit(case)}"
     )
 
@@ -136,7 +136,7 @@ def mirrored(case: Case) -> str | None:
     what = {0: "y has the other sign", 2: "x has the other sign"}.get(
         quarter, "x and y are exchanged"
     )
-    return f"the path is seen in a mirror, though theta turns as told: {what}; {option}"
+    return f"the path is seen in a mirror, though theta turns as commanded: {what}; {option}"
 
 
 def turns_the_other_way(case: Case) -> str | None:

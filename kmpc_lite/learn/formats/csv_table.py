@@ -131,7 +131,7 @@ def parse_time(text: str) -> float:
         return parse_number(text)
     except ValueError:
         when = datetime.fromisoformat(text.strip())
-    # if no zone is told only differences count, and those of local clocks may jump by an hour
+    # if no zone is given only differences count, and those of local clocks may jump by an hour
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
 

@@ -1,4 +1,4 @@
-"""Which reader reads which file; a package that is missing is told before anything is read."""
+"""Which reader reads which file; a missing package is reported before anything is read."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Orders:
 
 
 def stand_between_tcp(listen: str, target: str, rubbish: bytes) -> None:
-    """Pass bytes on both ways, and flood who has connected."""
+    """Pass bytes on both ways, and flood the other end."""
     server = socket.create_server((HOST, int(listen)))
     _ready()
     near, _ = server.accept()
@@ -72,7 +72,7 @@ def stand_between_tcp(listen: str, target: str, rubbish: bytes) -> None:
 
 
 def stand_between_udp(listen: str, target: str, rubbish: bytes, towards: str = "peer") -> None:
-    """Pass datagrams on both ways, and flood who has spoken first, or the target."""
+    """Pass datagrams on both ways, and flood the end that has spoken first, or the target."""
     near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     near.bind((HOST, int(listen)))
     far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -165,7 +165,7 @@ def idle(path: str, rubbish: bytes) -> None:
 
 
 def press(path: str, rubbish: bytes) -> None:
-    """Press the emergency stop when told, and say when that was [s], on the monotonic clock."""
+    """Press the emergency stop on request, and say when that was [s], on the monotonic clock."""
     from firmware_bridge.messages import LinkError
     from firmware_bridge.safety import estop_client
 

@@ -99,7 +99,7 @@ def run(count: int) -> list[Press]:
             page.start(lambda: shown(session), {"title": "a robot that is stopped"})
             script = Script(count, lambda: tell([input_of(finger)], "on"))
             session.drive(lambda: script(session.loop.snapshot))
-            why = ", ".join(session.why()) or "no reason was told"
+            why = ", ".join(session.why()) or "no reason was given"
         if len(script.seen) < count:
             raise LinkError(f"press {len(script.seen) + 1}: it did not drive, or stop: {why}")
         input_of(vehicle).close()

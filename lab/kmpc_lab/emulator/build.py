@@ -41,7 +41,7 @@ class Emulator(Protocol):
 
     @property
     def stopped(self) -> bool:
-        """Whether it stands, or is told to."""
+        """Whether it stands, or is commanded to."""
         ...
 
     def close(self) -> None:

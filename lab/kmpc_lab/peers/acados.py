@@ -107,7 +107,7 @@ class AcadosController:
             inputs,
             PlanStatus.SOLVED if good else PlanStatus.FALLBACK,
             1,
-            # setting and reading through Python is not acados' own time: it is told apart
+            # setting and reading through Python is not acados' own time: it is listed apart
             {
                 "set": prepared - start,
                 "solve": solved - prepared,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 MOST_POINTS = 4000
 """Points of a line: more would be drawn upon one another."""
 WINDOW, LONGEST = 0.3, 3.0
-"""Time over which the motion is told [s]; one that lasts so many times as long holds a gap."""
+"""Time over which the motion is given [s]; one that lasts so many times as long holds a gap."""
 ARROWS = 24
 """Headings that are drawn along the path."""
 

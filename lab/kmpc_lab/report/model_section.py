@@ -14,7 +14,7 @@ from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.model.koopman import KoopmanModel
 
 NOISE_COMMANDS = {"at rest": (0.0, 0.0), "at 0.5 m/s": (0.5, 0.0), "at 0.5 rad/s": (0.0, 0.5)}
-"""Commands (v [m/s], omega [rad/s]) for which the model's noise is told."""
+"""Commands (v [m/s], omega [rad/s]) for which the model's noise is given."""
 
 
 def held_out(model: KoopmanModel | None) -> FitReport | None:
@@ -47,7 +47,7 @@ def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
         if model.continuous
         else "next pose, one period on"
     )
-    yield "Method", f"{info.get('method', 'not told')} ({form})"
+    yield "Method", f"{info.get('method', 'not known')} ({form})"
     yield (
         "Dictionary",
         f"{type(model.dictionary).__name__}, {model.dictionary.size} lifted coordinates, "

@@ -69,7 +69,7 @@ def clearance_words(run: Run) -> str:
 
 
 def outcome_sentence(run: Run) -> str:
-    """Outcome in one sentence, for somebody who has not seen a run before."""
+    """Outcome in one sentence, for a reader that has not seen a run before."""
     scenario = run.scenario
     if run.outcome is Outcome.COLLISION:
         where = f"{length(run.position_error)} from the goal"

@@ -33,7 +33,7 @@ HELD = 1.0
 """A goal of a route is held once the robot is within its tolerances for so long [s], or when the
 controller says so."""
 Watch = Callable[[float, Array, Any, Plan], None]
-"""Is told of each step: its time [s], the measured pose, the obstacles, and the plan."""
+"""Is called with each step: its time [s], the measured pose, the obstacles, and the plan."""
 
 
 class Steps(Protocol):
@@ -74,8 +74,8 @@ class Run:
     scans: tuple[tuple[float, LaserScan], ...] = ()
     """What a simulated lidar saw: the ends of its turns [s], and their scans."""
     errors: tuple[float, float] | None = None
-    """Distance [m] and heading error [rad] to the goal as a real drive told them when the robot had
-    come to rest; None: those of the last state."""
+    """Distance [m] and heading error [rad] to the goal as a real drive reported them once the robot
+    had come to rest; None: those of the last state."""
 
     @property
     def position_error(self) -> float:
@@ -169,7 +169,7 @@ def drive(
     info : dict, optional
         Kept with the run.
     watch : callable, optional
-        Is told of each step: see `Watch`.
+        Is called with each step: see `Watch`.
     lidar : Lidar, optional
         What the controller gets to see instead of the scenario's obstacles.
     """

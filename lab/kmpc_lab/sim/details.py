@@ -62,7 +62,7 @@ class Details:
     health: tuple[tuple[float, Mapping[str, Any]], ...] = ()
     """Times [s], and the state of link and vehicle."""
     notes: tuple[tuple[float, str, bool], ...] = ()
-    """Times [s], what was told, and whether it is bad."""
+    """Times [s], what was reported, and whether it is bad."""
     scans: tuple[tuple[float, LaserScan], ...] = ()
     """Times [s], and what was seen."""
 

@@ -1,4 +1,4 @@
-"""People who walk about an area and look at nobody: circles that do not yield."""
+"""Pedestrians that walk about an area and ignore the robot: circles that do not yield."""
 
 from __future__ import annotations
 

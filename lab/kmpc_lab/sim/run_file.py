@@ -95,7 +95,7 @@ def load_run(path: Path) -> Run:
 
 
 def errors_of(told: Any) -> tuple[float, float] | None:
-    """Errors that a drive told: two numbers, or None."""
+    """Errors that a drive reported: two numbers, or None."""
     if told is None:
         return None
     distance, turn = told

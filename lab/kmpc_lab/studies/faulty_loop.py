@@ -156,7 +156,7 @@ class FaultCounts:
     collisions_failing: int = 0
     """Those of them in a period whose step was made to fail."""
     late_stops: int = 0
-    """Steps in which the robot was still told to drive, though its stop trajectory had ended."""
+    """Steps in which the robot still had to drive, though its stop trajectory had ended."""
     late_recoveries: int = 0
     """Seconds of sane inputs after a failure in which no plan was found."""
     blind_steps: int = 0

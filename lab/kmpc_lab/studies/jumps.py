@@ -1,9 +1,9 @@
 """``kmpc study jumps``: drives whose pose jumps again and again.
 
 The pose that the controller is given is wrong for one sample, or for a second, in position or in
-heading, and true again; or the frame of poses and obstacles moves for good. Collisions are told by
-the truth at ten looks a period. A drive ends where the robot first is within the tolerances of its
-goal, in the frame as it is then: it need not stay.
+heading, and true again; or the frame of poses and obstacles moves for good. Collisions are judged
+by the truth at ten looks a period. A drive ends where the robot first is within the tolerances of
+its goal, in the frame as it is then: it need not stay.
 """
 
 from __future__ import annotations

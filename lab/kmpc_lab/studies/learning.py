@@ -1,6 +1,6 @@
 """What learning is worth: held-out errors of the default fit against the nominal robot's.
 
-Every figure is told on driving that nothing was fitted, chosen or calibrated on, from starts that
+Every figure is of driving that nothing was fitted, chosen or calibrated on, from starts that
 are the same for all models. Seeds are not those that anything was tuned with.
 """
 

@@ -1,6 +1,6 @@
-"""``kmpc study pedestrians``: drives among people who walk and do not look.
+"""``kmpc study pedestrians``: drives among pedestrians that ignore the robot.
 
-Whoever touches is told apart by the truth: the robot *drives into* somebody whom it approaches at
+Touches are told apart by the truth: the robot *drives into* a pedestrian that it approaches at
 the moment of the contact, having moved within the last second; it *is met* while it moves
 otherwise; a robot that has stood for a second *is walked into*. Ten looks a period tell contacts,
 which do not end the drive: it ends where the robot first is within the tolerances of its goal.
@@ -136,7 +136,7 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> CrowdDrive:
 
 
 def _as_seen(circles: Array, seen: str, noise: np.random.Generator) -> Array:
-    """Circles as the controller is told of them."""
+    """Circles as they are given to the controller."""
     if seen == "told":
         return circles
     circles[:, 3:] = 0.0

@@ -1,4 +1,4 @@
-"""Drives of robots that nobody has tuned it for: judged by the truth, counted, and told.
+"""Drives of robots that the controller was not tuned for: judged by the truth, counted, and listed.
 
 In pose means within `in_pose` by the true pose, held for a second. A collision is an overlap of
 outlines at any of ten looks a period; the account of it shares no code with the controller.
@@ -46,7 +46,7 @@ class RobotDrive:
     stopped: float
     """Share of steps without a plan."""
     ended: str
-    """Progress that was told at the end, and its reason."""
+    """Progress that was reported at the end, and its reason."""
 
 
 class Moves(Protocol):

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from kmpc_lab.studies.records import Work
 
 STUDIES = {
-    "pedestrians": "Drives among 4 or 8 pedestrians who ignore the robot, straight or in arcs; the "
-    "controller is given their velocity, or zero, or zero with noise. Contacts are counted.",
+    "pedestrians": "Drives among 4 or 8 pedestrians that ignore the robot, straight or in arcs; "
+    "the controller is given their velocity, or zero, or zero with noise. Contacts are counted.",
     "jumps": "Drives whose pose jumps by 0.05 to 1 m or rad: for one sample, for a second, in "
     "heading, or with its frame for good.",
 }

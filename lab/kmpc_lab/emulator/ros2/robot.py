@@ -157,7 +157,7 @@ class Ros2Emulator:
 
     @property
     def stopped(self) -> bool:
-        """Whether it is told to stand."""
+        """Whether it is commanded to stand."""
         return self._command == (0.0, 0.0)
 
     @property

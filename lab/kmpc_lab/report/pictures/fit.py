@@ -61,7 +61,7 @@ def fit_picture(report: FitReport) -> Figure:
 def _draw_bar(
     panel: Any, y: float, value: float, drawn: float, unit: str, look: tuple[str, str]
 ) -> None:
-    """Draw an error at a height, and write it beside; an infinite one is told in words."""
+    """Draw an error at a height, and write it beside; an infinite one is written in words."""
     colour, hatch = look
     panel.barh(
         y,

@@ -32,7 +32,7 @@ class SteeredDrive:
     understeer : float
         K [s^2/m^2].
     offset : float
-        Curvature in which it drives when it is told to drive straight [1/m].
+        Curvature in which it drives when it is commanded to drive straight [1/m].
     backward_gain : float
         Share of a commanded speed that happens backwards.
     seed : int

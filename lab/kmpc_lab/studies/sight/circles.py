@@ -1,4 +1,4 @@
-"""Circles that are told when they are near: how the speed follows from the reach of sight.
+"""Circles that are given when they are near: how the speed follows from the reach of sight.
 
 Arrived means that the controller says it holds its goal (`Plan.holding`); poses are exact here, so
 that is where it is. A collision is an overlap at any of four looks a period.
@@ -45,7 +45,7 @@ class Reveal:
     collided: bool
     seconds: float
     all_told: float
-    """Time of the same drive where everything is told [s]."""
+    """Time of the same drive with everything given [s]."""
     fastest: float
     stopped: float
 
@@ -57,7 +57,7 @@ def sight_law(reach: float, fastest: float) -> float:
 
 
 def drive(speed: float, reach: float, seed: int) -> Reveal:
-    """Drive one map whose circles are told within reach, and once more with all told."""
+    """Drive one map whose circles are given within reach, and once more with all of them given."""
     seconds, collided, fastest, stopped = _drive(speed, reach, seed)
     told, _, _, _ = _drive(speed, math.inf, seed)
     arrived = seconds < LONGEST

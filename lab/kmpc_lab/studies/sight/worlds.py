@@ -1,4 +1,4 @@
-"""Worlds that nobody has told the robot of: rooms, mazes, forests, of a robot's size."""
+"""Worlds unknown to the robot: rooms, mazes, forests, of a robot's size."""
 
 from __future__ import annotations
 
