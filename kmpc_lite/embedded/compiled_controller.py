@@ -20,11 +20,14 @@ from kmpc_lite.control.input_checks import step_numbers
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.control.world.scene import PREPARED
+from kmpc_lite.embedded.folder import ABOUT, FORMAT
 from kmpc_lite.embedded.vectors import STATUSES
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import INPUTS, STATES, Array
 
-ABOUT, LIBRARY = "kmpc.json", "libkmpc.so"
+LIBRARY = "libkmpc.so"
+PATH = 64
+"""Poses of a path at most: KMPC_PATH."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,7 @@ class CompiledController:
         self.dt, sizes = float(about["dt"]), about["sizes"]
         self.horizon = int(sizes["KMPC_N"])
         self._real = ctypes.c_float if about["float32"] else ctypes.c_double
+        self._kind = np.float32 if about["float32"] else np.float64
         self._library = _load(_built(self.folder))
         self._input, plan, robot = _structures(self._real, sizes)
         self._plan, self._robot = plan(), robot()
@@ -81,6 +85,24 @@ class CompiledController:
     def reset(self) -> None:
         """Forget the drive: the robot stands."""
         self._library.kmpc_reset(ctypes.byref(self._robot))
+
+    def set_path(self, poses: ArrayLike) -> None:
+        """Follow a path from its pose nearest to the robot on; without any, drive to the goal.
+
+        Parameters
+        ----------
+        poses : array_like
+            (count, 3) [m, m, rad], at most 64: straight lines, and turns on the spot.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes, too many poses, and numbers that are not finite.
+        """
+        rows = np.ascontiguousarray(poses, dtype=self._kind).reshape(-1, STATES)
+        pointer = rows.ctypes.data_as(ctypes.POINTER(self._real))
+        if self._library.kmpc_set_path(ctypes.byref(self._robot), len(rows), pointer):
+            raise ValueError(f"path: expected at most {PATH} finite poses, got {len(rows)}")
 
     def step(
         self,
@@ -100,9 +122,8 @@ class CompiledController:
         if isinstance(obstacles, Sequence) and any(isinstance(o, PREPARED) for o in obstacles):
             raise ValueError("obstacles: an exported controller drives past circles alone")
         circles = circles_to_array(obstacles)
-        kind = np.float32 if self._real is ctypes.c_float else np.float64
-        rows = np.ascontiguousarray(circles, dtype=kind)
-        last = None if command is None else np.ascontiguousarray(command, dtype=kind)
+        rows = np.ascontiguousarray(circles, dtype=self._kind)
+        last = None if command is None else np.ascontiguousarray(command, dtype=self._kind)
         pointer = ctypes.POINTER(self._real)
         given = self._input(
             (self._real * STATES)(*pose),
@@ -110,6 +131,7 @@ class CompiledController:
             len(rows),
             rows.ctypes.data_as(pointer),
             None if last is None else last.ctypes.data_as(pointer),
+            0,
         )
         plan = self._plan
         self._step(ctypes.byref(self._robot), ctypes.byref(given), ctypes.byref(plan))
@@ -128,8 +150,11 @@ def _read_about(folder: Path) -> dict[str, Any]:
         about: dict[str, Any] = json.loads((folder / ABOUT).read_text())
     except (OSError, ValueError) as error:
         raise ProblemError(f"{folder}: no exported controller: {ABOUT}: {error}") from error
-    if about.get("format") != 1:
-        raise ProblemError(f"{folder}: expected an export of format 1, got {about.get('format')!r}")
+    if about.get("format") != FORMAT:
+        raise ProblemError(
+            f"{folder}: expected an export of format {FORMAT}, got {about.get('format')!r}: "
+            "export it again"
+        )
     return about
 
 
@@ -175,6 +200,7 @@ def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
         ("circles", integer),
         ("circle", pointer),
         ("sent", pointer),
+        ("passes", integer),
     )
     plan = structure(
         "Plan",
@@ -184,6 +210,13 @@ def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
         ("reason", ctypes.c_char_p),
         ("states", states),
         ("inputs", inputs),
+    )
+    path = structure(
+        "Path",
+        ("count", integer),
+        ("pose", (real * STATES) * PATH),
+        ("begins", real * PATH),
+        ("time", real),
     )
     robot = structure(
         "Robot",
@@ -197,5 +230,6 @@ def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
         ("rest", (real * INPUTS) * rest),
         ("expected", real * STATES),
         ("turn", real),
+        ("path", path),
     )
     return given, plan, robot

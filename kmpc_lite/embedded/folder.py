@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite import __version__
 from kmpc_lite.control import kernels
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
@@ -20,6 +21,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.embedded.numbers import (
     NO_LIMIT,
     check_can_be_exported,
+    model_of,
     numbers_of,
     sizes_of,
     solver_of,
@@ -30,7 +32,12 @@ from kmpc_lite.model.koopman import KoopmanModel
 
 SOURCES = Path(__file__).parent / "c"
 KERNELS = Path(kernels.__file__).parent / "c"
-ABOUT = "kmpc.json"
+ABOUT, FORMAT = "kmpc.json", 2
+AROUND = frozenset(
+    ("Makefile", "CMakeLists.txt", "library.json", "library.properties", "example.c", "vectors.c")
+)
+"""What is no source of the library."""
+GUARD = "#define KMPC_KERNELS_H\n"
 
 
 def export(
@@ -105,19 +112,22 @@ def export(
 
 
 def _write(folder: Path, controller: Controller, float32: bool) -> None:
+    sources = folder / "src"
+    sources.mkdir()
     for source in sorted([*SOURCES.iterdir(), *KERNELS.glob("*.[ch]")]):
         if source.name != "module.c":
-            shutil.copy(source, folder / source.name)
+            shutil.copy(source, (folder if source.name in AROUND else sources) / source.name)
     sqp = solver_of(controller)
     sizes = sizes_of(controller, sqp.qp)
     assert isinstance(sqp.workspace, OSQPWorkspace)
-    sqp.workspace.write_code(folder / "osqp", float32)
-    (folder / "kmpc_sizes.h").write_text(_sizes_header(sizes, controller.problem))
-    (folder / "kmpc_numbers.c").write_text(_numbers_source(numbers_of(controller, sqp), float32))
+    sqp.workspace.write_code(sources / "osqp", float32)
+    (sources / "kmpc_sizes.h").write_text(_sizes_header(sizes, controller.problem))
+    numbers = _numbers_source(numbers_of(controller, sqp), model_of(controller), float32)
+    (sources / "kmpc_numbers.c").write_text(numbers)
     vectors = recorded_vectors(controller)
     (folder / "vectors.h").write_text(_vectors_header(vectors, float32))
     about = {
-        "format": 1,
+        "format": FORMAT,
         "float32": float32,
         "dt": controller.problem.dt,
         "sizes": sizes,
@@ -125,9 +135,15 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
         "model": dict(controller.model.info).get("method", "made by hand"),
     }
     (folder / ABOUT).write_text(json.dumps(about, indent=1) + "\n")
-    flags = f"-DKMPC_HORIZON={sizes['KMPC_N']}" + " -DKMPC_FLOAT" * float32
-    for build in (folder / "Makefile", folder / "CMakeLists.txt"):
-        build.write_text(build.read_text().replace("@FLAGS@", flags))
+    # in a header, not as flags: build systems that take sources alone have no place for flags
+    defined = f"#define KMPC_HORIZON {sizes['KMPC_N']}\n" + "#define KMPC_FLOAT\n" * float32
+    _replace(sources / "kernels.h", GUARD, f"{GUARD}\n{defined}")
+    for library in (folder / "library.json", folder / "library.properties"):
+        _replace(library, "@VERSION@", __version__)
+
+
+def _replace(file: Path, old: str, new: str) -> None:
+    file.write_text(file.read_text().replace(old, new))
 
 
 def _sizes_header(sizes: dict[str, int], problem: NavigationProblem) -> str:
@@ -141,17 +157,31 @@ def _sizes_header(sizes: dict[str, int], problem: NavigationProblem) -> str:
     )
 
 
-def _numbers_source(numbers: dict[str, Any], float32: bool) -> str:
+def _numbers_source(numbers: dict[str, Any], model: dict[str, Any], float32: bool) -> str:
     lines = [
         "/* The numbers of one controller, made by kmpc export: core.h says what they are. */",
         '#include "core.h"',
         "",
         "const struct kmpc_numbers kmpc_numbers = {",
+        *_initialiser(numbers, float32),
+        "};",
+        "",
+        "struct kmpc_model kmpc_model = {",
+        *_initialiser(model, float32),
+        "};",
     ]
-    for name, value in numbers.items():
-        told = [literal(v, float32) for v in np.ravel(value).tolist()]
-        lines.append(f"    .{name} = {told[0] if np.ndim(value) == 0 else braced(told)},")
-    return "\n".join([*lines, "};", ""])
+    return "\n".join([*lines, ""])
+
+
+def _initialiser(numbers: dict[str, Any], float32: bool) -> list[str]:
+    told = {
+        name: [literal(v, float32) for v in np.ravel(value).tolist()]
+        for name, value in numbers.items()
+    }
+    return [
+        f"    .{name} = {words[0] if np.ndim(numbers[name]) == 0 else braced(words)},"
+        for name, words in told.items()
+    ]
 
 
 def braced(told: Iterable[str]) -> str:

@@ -104,7 +104,6 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "side_normal": _padded(keep_out.side_normals, 8),
         "side_offset": _padded(keep_out.side_offsets, 4),
         "sides": len(keep_out.side_offsets),
-        **_model(controller),
         "pull": qp.cost.pull,
         "pull_terminal": qp.cost.pull_terminal,
         "slack_dual": -float(units.slack_weights[0]) / SLACK_SCALE,
@@ -118,7 +117,6 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "tolerated": sqp.tolerated,
         "lost": qp.lost,
         "fastest": fastest(units),
-        **_margins(controller),
         "spend_share": options.stop.spend_share,
         "swerve_time": options.stop.swerve_time,
         "accepted_defect": checks.accepted_defect,
@@ -133,6 +131,25 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "q": qp.q,
         "next_stage": qp.next_stage,
     }
+
+
+WHOLE = ("term", "terms", "nodes", "tightens", "errs", "lasts", "by_speed", "delay", "spreads")
+"""What `struct kmpc_model` holds as int, in its order."""
+REAL = (
+    *("kernel", "smoothing", "limits", "motion", "node"),
+    *("white", "lasting", "pose", "pose_by_speed"),
+    *("quantile", "step_quantile", "headway_time", "solver_margin"),
+    *("side_margin", "far_clearance", "widest"),
+    *("position_errors", "heading_errors", "command_noise", "pose_error"),
+)
+"""What it holds as real, in its order."""
+
+
+def model_of(controller: Controller) -> dict[str, Any]:
+    """What was learned, by the names of `struct kmpc_model`, in its order."""
+    numbers = _model(controller) | _margins(controller)
+    whole = {name: np.asarray(numbers[name], dtype=int) for name in WHOLE}
+    return whole | {name: np.asarray(numbers[name], dtype=float) for name in REAL}
 
 
 def _model(controller: Controller) -> dict[str, Any]:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,8 @@ NO_TIME_LIMIT = 1e10
 """OSQP's own [s]."""
 SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
 INTERRUPTED = int(osqp.SolverStatus.OSQP_SIGINT)
+DOUBLE = re.compile(r"(?<![\w.])(\d+\.\d*([eE][-+]?\d+)?|\.?\d+[eE][-+]?\d+)(?![\w.])")
+"""Literals of double numbers in C."""
 EARLY = frozenset(
     int(s)
     for s in (
@@ -133,7 +137,8 @@ class OSQPWorkspace:
     def write_code(self, folder: str | os.PathLike[str], float32: bool) -> None:
         """Write OSQP's own embedded code for this QP, whose numbers may change, into a folder.
 
-        Its global is ``kmpc_solver``; float throughout if `float32`.
+        All files lie side by side, so that no compiler needs to know of other folders. Its global
+        is ``kmpc_solver``; float throughout if `float32`.
         """
         self._set_up()
         with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
@@ -150,6 +155,15 @@ class OSQPWorkspace:
         # the folder that it is copied into has a build of its own
         for name in ("setup.py", "bindings.cpp", "emosqp.c", "Makefile", "CMakeLists.txt"):
             os.unlink(os.path.join(folder, name))
+        for part in ("src", "inc/public", "inc/private", "inc"):
+            inner = Path(folder, part)
+            for file in [path for path in inner.iterdir() if path.is_file()]:
+                text = file.read_text()
+                # OSQP's own literals are double, and with them what is worked out from them
+                text = DOUBLE.sub(r"\g<0>f", text) if float32 else text
+                Path(folder, file.name).write_text(text)
+                file.unlink()
+            inner.rmdir()
 
     def restart(self) -> None:
         """Have OSQP forget what it has learned from an earlier solve."""

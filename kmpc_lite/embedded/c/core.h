@@ -4,7 +4,7 @@
 
 #include "kmpc.h"
 
-enum { KMPC_TERMS = 9, KMPC_AROUND = 2 * KMPC_THINGS, KMPC_MOST = KMPC_THINGS + 4 };
+enum { KMPC_AROUND = 2 * KMPC_THINGS, KMPC_MOST = KMPC_THINGS + 4 };
 
 struct kmpc_numbers {
     real dt;
@@ -13,12 +13,6 @@ struct kmpc_numbers {
     real radius, distance; /* of the body, and with the margin [units] */
     real side_normal[8], side_offset[4];
     int sides;
-    /* model */
-    real kernel[(KMPC_L + 1) * 2]; /* weights of commands by age, newest first */
-    real smoothing[2], limits[2];
-    int term[KMPC_TERMS], terms; /* which of the terms are bilinear inputs */
-    real motion[3 * KMPC_TERMS], node[8];
-    int nodes;
     /* cost */
     real pull[9], pull_terminal[9], slack_dual;
     /* limits of changes */
@@ -29,12 +23,7 @@ struct kmpc_numbers {
     int most_passes;
     real tolerated, lost, fastest[2];
     /* margins */
-    int tightens, errs;
-    real white[18], lasting[18], pose[9], pose_by_speed[9];
-    int lasts, by_speed, delay, spreads;
-    real quantile, step_quantile, headway_time, solver_margin, side_margin, far_clearance, widest;
-    real position_errors[4], heading_errors[4], command_noise[18];
-    real pose_error, spend_share, swerve_time;
+    real spend_share, swerve_time;
     real accepted_defect, accepted_depth;
     real half_plane_scale, open, rho;
     int places[KMPC_WRITTEN]; /* of the entries that a pass writes */
@@ -43,6 +32,7 @@ struct kmpc_numbers {
 };
 
 extern const struct kmpc_numbers kmpc_numbers;
+extern struct kmpc_model kmpc_model; /* the one that is driven by now */
 
 /* model.c: predictions of N commands that follow L past ones; `window` is (L + N, 2), oldest first */
 void kmpc_model_linearize(const real *states, const real *window, int count, real *value,
@@ -53,7 +43,10 @@ void kmpc_model_predict(const real *states, const real *window, int count, real 
 void kmpc_model_rollout(const real *here, const real *past, const real *commands, int count,
                         int periods, real *states);
 
-/* solve.c */
+/* path.c: states (N + 1, 3) along the robot's path, from where it is on */
+void kmpc_follow(struct kmpc_path *path, const real *here, real *reference);
+
+/* solve.c: at most `most` passes, at least `least` */
 real kmpc_clip(real value, real least, real most);
 struct kmpc_iterate {
     real states[KMPC_N + 1][3], inputs[KMPC_N][2], duals[KMPC_ROWS];
@@ -64,7 +57,7 @@ struct kmpc_result {
     const char *reason;
 };
 void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *reference, int things,
-                const real *thing, int least, struct kmpc_result *result);
+                const real *thing, int least, int most, struct kmpc_result *result);
 void kmpc_duals_in_the_open(real *duals);
 void kmpc_rate_limit(const real *last, real *command);
 

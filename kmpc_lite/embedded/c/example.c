@@ -12,7 +12,7 @@ int main(void)
     real x = 0, y = 0, heading = 0;
     kmpc_reset(&robot);
     for (int k = 0; k < 200; k++) {
-        const struct kmpc_input input = {{x, y, heading}, {goal_x, 0, 0}, 1, circle, NULL};
+        const struct kmpc_input input = {{x, y, heading}, {goal_x, 0, 0}, 1, circle, NULL, 0};
         kmpc_step(&robot, &input, &plan);
         if (k % 10 == 0)
             printf("%5.2f s: %6.2f m %6.2f m %5.2f rad, %5.2f m/s %5.2f rad/s %s\n",

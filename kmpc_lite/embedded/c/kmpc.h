@@ -23,10 +23,11 @@ enum kmpc_status {
 
 struct kmpc_input {
     real pose[3];       /* measured: m, m, rad; any multiple of 2 pi in the heading */
-    real goal[3];       /* pose to reach */
+    real goal[3];       /* pose to reach; with a path, that one's end is */
     int circles;        /* how many, at most KMPC_THINGS: more are refused */
     const real *circle; /* (circles, 5): x, y, radius [m], vx, vy [m/s] */
     const real *sent;   /* (2,) what was really sent in the past period; null: the last command */
+    int passes;         /* most passes of the SQP: bounds the time of a step; 0: as many as Python */
 };
 
 struct kmpc_plan {
@@ -36,6 +37,29 @@ struct kmpc_plan {
     const char *reason; /* why not KMPC_SOLVED; empty else */
     real states[KMPC_N + 1][3];
     real inputs[KMPC_N][2];
+};
+
+enum { KMPC_PATH = 64 /* poses of a path at most */, KMPC_TERMS = 9 };
+
+/* A path from a host, in metres and radians: straight between its poses, turns on the spot where
+ * two lie at one place. */
+struct kmpc_path {
+    int count;
+    real pose[KMPC_PATH][3], begins[KMPC_PATH]; /* time at which each is reached [s] */
+    real time; /* how far along it the robot is [s]; negative before it is looked for */
+};
+
+/* What was learned: numbers that `kmpc export` and its Python twin `model_numbers` work out. */
+struct kmpc_model {
+    int term[KMPC_TERMS], terms; /* which of the terms are bilinear inputs */
+    int nodes, tightens, errs, lasts, by_speed, delay, spreads;
+    real kernel[(KMPC_L + 1) * 2]; /* weights of commands by age, newest first */
+    real smoothing[2], limits[2];
+    real motion[3 * KMPC_TERMS], node[8];
+    /* margins */
+    real white[18], lasting[18], pose[9], pose_by_speed[9];
+    real quantile, step_quantile, headway_time, solver_margin, side_margin, far_clearance, widest;
+    real position_errors[4], heading_errors[4], command_noise[18], pose_error;
 };
 
 /* What outlives a step, in the robot's units. */
@@ -48,6 +72,7 @@ struct kmpc {
     real rest[KMPC_T][2];     /* what is left of the last safe motion */
     real expected[3];         /* where it begins */
     real turn;                /* side to which the robot turns towards its goal's heading */
+    struct kmpc_path path;    /* to follow, if it has any poses */
 };
 
 /* Begin a drive: a robot that stands. */
@@ -56,6 +81,14 @@ void kmpc_reset(struct kmpc *robot);
 /* Plan the coming period of KMPC_DT seconds. Whatever comes in, the command is finite and within
  * bounds, and the status says what it is worth. */
 void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_plan *plan);
+
+/* Follow a path (count, 3) of poses, from its pose nearest to the robot on; count 0: drive straight
+ * to the goal again. Zero, or nonzero if it is refused: too long, or not finite. */
+int kmpc_set_path(struct kmpc *robot, int count, const real *poses);
+
+/* Predict by another model of the same robot, with as long a memory. Zero, or nonzero if it is
+ * refused: not finite, or of impossible counts. */
+int kmpc_set_model(const struct kmpc_model *model);
 
 #ifdef __cplusplus
 }

@@ -2,9 +2,11 @@
 #include "core.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 #define K kmpc_numbers
+#define L kmpc_model
 
 /* Terms (9,) of a filtered command, and their derivatives (9, 2). */
 static void terms_of(const real *answered, real *out, real *slope)
@@ -12,11 +14,11 @@ static void terms_of(const real *answered, real *out, real *slope)
     real inside[2];
     int within[2];
     for (int i = 0; i < 2; i++) {
-        within[i] = M(fabs)(answered[i]) <= K.limits[i];
-        inside[i] = within[i] ? answered[i] : M(copysign)(K.limits[i], answered[i]);
+        within[i] = M(fabs)(answered[i]) <= L.limits[i];
+        inside[i] = within[i] ? answered[i] : M(copysign)(L.limits[i], answered[i]);
     }
     const real v = inside[0], o = inside[1], vv = v * v, oo = o * o;
-    const real vs = K.smoothing[0] * K.smoothing[0], os = K.smoothing[1] * K.smoothing[1];
+    const real vs = L.smoothing[0] * L.smoothing[0], os = L.smoothing[1] * L.smoothing[1];
     const real v_root = vv + vs, o_root = oo + os;
     const real v_size = vv / M(sqrt)(v_root), size = oo / M(sqrt)(o_root);
     const real size_slope = o * (oo + 2 * os) / (o_root * M(sqrt)(o_root));
@@ -47,18 +49,18 @@ static void inputs_of(const real *newest, real *w, real *slope)
     real answered[2] = {0, 0}, all[KMPC_TERMS], by[2 * KMPC_TERMS];
     for (int age = 0; age <= KMPC_L; age++)
         for (int i = 0; i < 2; i++)
-            answered[i] += K.kernel[2 * age + i] * newest[i - 2 * age] * K.command[i];
+            answered[i] += L.kernel[2 * age + i] * newest[i - 2 * age] * K.command[i];
     terms_of(answered, all, by);
-    for (int i = 0; i < K.terms; i++) {
-        w[i] = all[K.term[i]];
-        slope[2 * i] = by[2 * K.term[i]];
-        slope[2 * i + 1] = by[2 * K.term[i] + 1];
+    for (int i = 0; i < L.terms; i++) {
+        w[i] = all[L.term[i]];
+        slope[2 * i] = by[2 * L.term[i]];
+        slope[2 * i + 1] = by[2 * L.term[i] + 1];
     }
 }
 
 static struct kmpc_motion form(void)
 {
-    const struct kmpc_motion motion = {K.terms, K.nodes, K.motion, K.node};
+    const struct kmpc_motion motion = {L.terms, L.nodes, L.motion, L.node};
     return motion;
 }
 
@@ -83,12 +85,12 @@ void kmpc_model_linearize(const real *states, const real *window, int count, rea
                 by_x[3 * i + j] *= K.state[j] / K.state[i];
             for (int j = 0; j < 2; j++) {
                 real by_answered = 0;
-                for (int t = 0; t < K.terms; t++)
-                    by_answered += by_w[i * K.terms + t] * slope[2 * t + j];
+                for (int t = 0; t < L.terms; t++)
+                    by_answered += by_w[i * L.terms + t] * slope[2 * t + j];
                 by_answered *= K.command[j] / K.state[i];
-                by_u[2 * i + j] = by_answered * K.kernel[j];
+                by_u[2 * i + j] = by_answered * L.kernel[j];
                 for (int age = 1; age <= KMPC_L; age++)
-                    by_past[6 * (age - 1) + 2 * i + j] = by_answered * K.kernel[2 * age + j];
+                    by_past[6 * (age - 1) + 2 * i + j] = by_answered * L.kernel[2 * age + j];
             }
         }
     }
@@ -119,4 +121,23 @@ void kmpc_model_rollout(const real *here, const real *past, const real *commands
         kmpc_model_predict(states, window, 1, states + 3);
         memmove(window, window + 2, 2 * KMPC_L * sizeof(real));
     }
+}
+
+int kmpc_set_model(const struct kmpc_model *model)
+{
+    const size_t begins = offsetof(struct kmpc_model, kernel);
+    if (model->terms < 2 || model->terms > KMPC_TERMS || model->nodes < 1 || model->nodes > 4 ||
+        model->delay < 0 || model->delay > KMPC_N)
+        return 1;
+    for (int i = 0; i < model->terms; i++)
+        if (model->term[i] < 0 || model->term[i] >= KMPC_TERMS)
+            return 1;
+    for (size_t at = begins; at < sizeof(*model); at += sizeof(real)) {
+        real number;
+        memcpy(&number, (const char *)model + at, sizeof(number));
+        if (!(M(fabs)(number) < INFINITY)) /* also NaN */
+            return 1;
+    }
+    kmpc_model = *model;
+    return 0;
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #define K kmpc_numbers
+#define L kmpc_model
 
 static const real TINY = R(1e-9), TINY_STEP = R(1e-4), OVERSPEED = R(1.25);
 static const real TURN_ALLOWANCE = R(1.0) / R(150.0);
@@ -150,11 +151,11 @@ static real longest_step(const real *states, int periods)
 
 static void errors_of(const real *distances, const real *turns, int periods, real *margins)
 {
-    if (K.errs)
-        kmpc_stop_errors(1, periods, K.dt, distances, turns, K.position_errors, K.heading_errors,
-                         K.step_quantile, K.quantile, 0, margins);
+    if (L.errs)
+        kmpc_stop_errors(1, periods, K.dt, distances, turns, L.position_errors, L.heading_errors,
+                         L.step_quantile, L.quantile, 0, margins);
     for (int k = 0; k < periods; k++)
-        margins[k] = K.solver_margin + (K.errs ? margins[k] : 0);
+        margins[k] = L.solver_margin + (L.errs ? margins[k] : 0);
 }
 
 /* Errors (things,) of a single command towards each thing. */
@@ -164,11 +165,11 @@ static void errors_towards(const real *command, const real *slopes, int count, r
         real variance = 0;
         for (int a = 0; a < 2; a++)
             for (int b = 0; b < 2; b++) {
-                const real noise = command[0] * command[0] * K.command_noise[3 * a + b] +
-                                   command[1] * command[1] * K.command_noise[9 + 3 * a + b];
+                const real noise = command[0] * command[0] * L.command_noise[3 * a + b] +
+                                   command[1] * command[1] * L.command_noise[9 + 3 * a + b];
                 variance += slopes[2 * j + a] * noise * slopes[2 * j + b];
             }
-        errors[j] = K.step_quantile * M(sqrt)(variance > 0 ? variance : 0);
+        errors[j] = L.step_quantile * M(sqrt)(variance > 0 ? variance : 0);
     }
 }
 
@@ -218,10 +219,10 @@ static int is_clear(const struct judge *judge, const struct kmpc_motion_to_rest 
     }
     errors_of(distances, turns, periods, margins);
     const real squares[2] = {command[0] * command[0], command[1] * command[1]};
-    const real most = K.errs ? K.step_quantile * M(sqrt)(squares[0] * K.position_errors[0] +
-                                                         squares[1] * K.position_errors[1])
+    const real most = L.errs ? L.step_quantile * M(sqrt)(squares[0] * L.position_errors[0] +
+                                                         squares[1] * L.position_errors[1])
                              : 0;
-    const real error = most + K.pose_error;
+    const real error = most + L.pose_error;
     const int one = 1, none = 0;
     if (closely) {
         slopes_at(judge->here, around, slopes);
@@ -248,14 +249,14 @@ static int is_clear(const struct judge *judge, const struct kmpc_motion_to_rest 
                 kmpc_distances(things, around->thing, 1, 1, 1, 1, judge->here, &time, standing);
                 for (int j = 0; j < things; j++) {
                     standing[j] -= K.radius;
-                    const real sure = standing[j] - K.pose_error;
+                    const real sure = standing[j] - L.pose_error;
                     spend[j] = K.spend_share * (sure > 0 ? sure : 0);
                     if (!q)
                         before[j] = standing[j];
                 }
                 kmpc_between_samples(1, 1, 1, things, raw, before, point, at, K.radius, clear);
                 kmpc_admissible(1, 1, 1, things, k ? none : one, clear, standing, spend, &margin,
-                                &driven, own, around->may_turn, &is_strict, &one, K.pose_error,
+                                &driven, own, around->may_turn, &is_strict, &one, L.pose_error,
                                 &good);
                 memcpy(before, raw, sizeof(raw));
                 memcpy(at, point, sizeof(at));
@@ -412,7 +413,7 @@ int kmpc_find_motion(real *states, real *inputs, const real *past, int things, c
     *slowed = 0;
     memcpy(here, states, sizeof(here));
     look_around(things, thing, &around);
-    if (!K.tightens || !things || is_far(here, past, inputs, ramp, length, &around)) {
+    if (!L.tightens || !things || is_far(here, past, inputs, ramp, length, &around)) {
         found->length = length + 1;
         memcpy(found->commands[0], inputs, 2 * sizeof(real));
         memcpy(found->commands[1], ramp, 2 * (size_t)length * sizeof(real));

@@ -4,10 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "kmpc_workspace.h"
-#include "osqp.h"
+#include "osqp/kmpc_workspace.h"
+#include "osqp/osqp.h"
 
 #define K kmpc_numbers
+#define L kmpc_model
 
 static const real LARGEST = R(1e10), INFINITE = R(1e20), LEAST_SHARE = R(0.1);
 
@@ -57,12 +58,12 @@ static void take_off_margins(const struct kmpc_iterate *at, const real *by_x, in
         for (int i = 0; i < things; i++)
             if (clearances[k * kinds + i] < nearest)
                 nearest = clearances[k * kinds + i];
-    const int near = nearest < K.widest + K.far_clearance;
-    if (things && near) {
+    const int near = things && nearest < L.widest + L.far_clearance;
+    if (near) {
         const struct kmpc_noise noise = {
-            2,          K.delay,          K.white,  K.lasts ? K.lasting : NULL,
-            K.pose,     K.by_speed ? K.pose_by_speed : NULL,
-            K.quantile, K.headway_time,   K.distance, 0, K.solver_margin, K.spreads,
+            2,          L.delay,          L.white,  L.lasts ? L.lasting : NULL,
+            L.pose,     L.by_speed ? L.pose_by_speed : NULL,
+            L.quantile, L.headway_time,   K.distance, 0, L.solver_margin, L.spreads,
         };
         for (int k = 0; k < KMPC_N; k++) {
             path[k] = INFINITE;
@@ -74,9 +75,9 @@ static void take_off_margins(const struct kmpc_iterate *at, const real *by_x, in
     }
     for (int k = 0; k < KMPC_N; k++) {
         for (int i = 0; i < things; i++)
-            clearances[k * kinds + i] -= near ? margins[k * things + i] : K.widest;
+            clearances[k * kinds + i] -= near ? margins[k * things + i] : L.widest;
         for (int i = 0; i < K.sides; i++)
-            clearances[k * kinds + things + i] -= K.side_margin;
+            clearances[k * kinds + things + i] -= L.side_margin;
     }
 }
 
@@ -137,7 +138,7 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
     const real *origin = at->states[0];
     kmpc_model_linearize(at->states[0], window, KMPC_N, value, by_x, by_u, by_past);
     clearances_of(at, things, thing, clearances, normals);
-    if (K.tightens)
+    if (L.tightens)
         take_off_margins(at, by_x, things, normals, clearances);
     for (int k = 0; k <= KMPC_N; k++)
         for (int i = 0; i < 3; i++)
@@ -237,7 +238,7 @@ static real go(struct kmpc_iterate *at, struct kmpc_iterate *found, real *window
 }
 
 void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *reference, int things,
-                const real *thing, int least, struct kmpc_result *result)
+                const real *thing, int least, int most, struct kmpc_result *result)
 {
     static struct kmpc_iterate found;
     real window[2 * (KMPC_L + KMPC_N)], share = 1, step = INFINITE;
@@ -281,7 +282,7 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *refe
         }
         step = go(iterate, &found, window, share, result);
         if (result->passes >= least &&
-            (result->defect <= K.tolerated || result->passes >= K.most_passes))
+            (result->defect <= K.tolerated || result->passes >= most))
             return;
         if (step >= before) /* going there and back: the half of it lies between */
             share = R(0.5) * share > LEAST_SHARE ? R(0.5) * share : LEAST_SHARE;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #define K kmpc_numbers
+#define L kmpc_model
 
 static const real PI = R(3.14159265358979323846), LIMIT = R(1e4), ROUNDING = R(1e-9);
 
@@ -77,9 +78,18 @@ static void take_in(const struct kmpc_input *input, struct seen *seen)
         seen->goal[2] -= nearest_turn(seen->goal[2]);
 }
 
-/* The goal as the reference; near a half turn the side of the step before is kept. */
+/* The path, or the goal as the reference; near a half turn the side of the step before is kept. */
 static void reference_of(struct kmpc *robot, const struct seen *seen, real *reference)
 {
+    if (robot->path.count) {
+        real here[3];
+        for (int i = 0; i < 3; i++)
+            here[i] = seen->pose[i] * K.state[i];
+        kmpc_follow(&robot->path, here, reference);
+        for (int i = 0; i < 3 * (KMPC_N + 1); i++)
+            reference[i] /= K.state[i % 3];
+        return;
+    }
     real turn = seen->goal[2] - seen->pose[2];
     turn -= nearest_turn(turn);
     if (M(fabs)(turn) > R(0.75) * PI && turn * robot->turn < 0 &&
@@ -249,7 +259,7 @@ static int verify(const struct kmpc *robot, const struct seen *seen, struct kmpc
             return 0;
         memcpy(result->next_state, plan->states[1], 3 * sizeof(real));
     }
-    if (contradicted && !K.tightens &&
+    if (contradicted && !L.tightens &&
         !(kmpc_clearance_along(plan->states[0], KMPC_N + 1, seen->things, seen->thing) >=
           -K.accepted_depth))
         return 0;
@@ -279,12 +289,14 @@ void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_p
         return;
     }
     reference_of(robot, &seen, reference);
-    int least = 1;
+    int least = 1, most = K.most_passes;
+    if (input->passes > 0 && input->passes < most)
+        most = input->passes;
     if (!one_period_later(robot, seen.pose, &found)) {
         along(reference, seen.pose, &found);
-        least = 2;
+        least = most > 1 ? 2 : 1;
     }
-    kmpc_solve(&found, robot->past[0], reference, seen.things, seen.thing, least, &result);
+    kmpc_solve(&found, robot->past[0], reference, seen.things, seen.thing, least, most, &result);
     const int good = verify(robot, &seen, &found, &result, &motion);
     if (!result.failed) {
         robot->planned = 1;

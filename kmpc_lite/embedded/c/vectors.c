@@ -19,7 +19,7 @@ int main(void)
     int other = 0;
     kmpc_reset(&robot);
     for (int i = 0; i < VECTORS; i++) {
-        struct kmpc_input input = {{0, 0, 0}, {0, 0, 0}, CIRCLES, vector_circle[i], NULL};
+        struct kmpc_input input = {{0, 0, 0}, {0, 0, 0}, CIRCLES, vector_circle[i], NULL, 0};
         for (int j = 0; j < 3; j++) {
             input.pose[j] = vector_pose[i][j];
             input.goal[j] = vector_goal[i][j];

@@ -150,11 +150,54 @@ def test_float_is_float_and_loses_little(tmp_path):
     found = re.search(r"80 steps: commands differ by (\S+) at the most, 0 statuses", told)
     assert found and float(found[1]) < 0.02
     if shutil.which("nm"):
-        objects = sorted(map(str, folder.glob("*.o")))
+        objects = sorted(map(str, (folder / "src").rglob("*.o")))
         shown = subprocess.run(["nm", "-u", *objects], capture_output=True, text=True, check=True)
         called = set(re.findall(r"U (\w+)", shown.stdout))
         assert not called & {"cos", "sin", "tan", "sqrt", "hypot", "fabs", "ceil", "rint", "malloc"}
         assert called & {"cosf", "sincosf"}
+
+
+def test_a_path_is_followed_past_circles(tmp_path):
+    """Also by turns on the spot, and when the same path is given again and again."""
+    model = kl.nominal_unicycle(0.1)
+    robot = kl.CompiledController(kl.export(model, kl.NavigationProblem(**AREA), tmp_path / "c"))
+    circles = np.array([(0.8, 0.1, 0.2), (1.4, 0.9, 0.2), (1.6, -0.25, 0.2), (2.2, 0.35, 0.25)])
+    still = np.column_stack([circles, np.zeros((4, 2))])
+    path = [(0, 0, 0.65), (0.9, 0.55, 0.65), (0.9, 0.55, -0.2), (1.5, 0.4, -0.2)]
+    path += [(1.9, 0.0, -0.6), (2.2, -0.2, 0.0), (2.9, -0.1, 0.1), (3.0, 0.0, 0.0)]
+    robot.set_path(path)
+    pose, clearance = np.array([0.0, 0.0, 4 * np.pi]), np.inf
+    for _ in range(160):
+        pose = model.predict(pose, robot.step(pose, path[-1], still).command)
+        gaps = np.hypot(*(circles[:, :2] - pose[:2]).T) - circles[:, 2] - 0.15
+        clearance = min(clearance, gaps.min())
+    assert np.hypot(*(pose[:2] - (3.0, 0.0))) < 0.03 and abs(pose[2] - 4 * np.pi) < 0.1
+    assert clearance > 0.0
+    for wrong in ([(np.nan, 0.0, 0.0)], np.zeros((65, 3)), [(0.0, 2e4, 0.0)]):
+        with pytest.raises(ValueError, match="path: expected at most 64 finite poses"):
+            robot.set_path(wrong)
+    robot.set_path([])
+    assert robot.step((0, 0, 0), (-1, 0, 0), ()).command[0] < 0.0  # the goal again
+
+
+def test_the_sources_alone_make_a_library(tmp_path):
+    """As build systems of microcontrollers take it: all of src/, no flags; also from C++."""
+    folder = kl.export(kl.nominal_unicycle(0.1), kl.NavigationProblem(horizon=5), tmp_path / "lib")
+    assert json.loads((folder / "library.json").read_text())["version"] == kl.__version__
+    sources = [str(path) for path in (folder / "src").rglob("*.c")]
+    sketch = tmp_path / "sketch.cpp"
+    sketch.write_text(
+        '#include "host.h"\nstatic kmpc_host host;\nint main() { kmpc_host_reset(&host); }\n'
+    )
+    objects = tmp_path / "objects"
+    objects.mkdir()
+    ask = ["cc", "-c", "-Werror", "-I", str(folder / "src"), *sources]
+    subprocess.run(ask, cwd=objects, check=True)
+    if shutil.which("c++"):
+        built = [str(path) for path in objects.glob("*.o")]
+        ask = ["c++", "-I", str(folder / "src"), str(sketch), *built, "-lm", "-o", "sketch"]
+        subprocess.run(ask, cwd=tmp_path, check=True)
+        subprocess.run([tmp_path / "sketch"], check=True)
 
 
 def test_sanitizers_find_nothing(tmp_path):
