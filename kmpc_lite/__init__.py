@@ -1,11 +1,12 @@
-"""Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board.
+"""`Controller` drives a wheeled robot past obstacles to a pose, with a model learned from its log.
 
-`Controller(model, problem).step(pose, goal, obstacles)` gives the command to send: begin with
-`help(kmpc_lite.Controller)`. `fit(Dataset.load("log.csv"))` learns the model from a log, and
-`nominal_unicycle(0.1)` is one without a log.
+    model = kmpc_lite.nominal_unicycle(0.1)  # or fit(Dataset.load("log.csv"))
+    controller = kmpc_lite.Controller(model)
+    plan = controller.step(pose, goal, obstacles=[kmpc_lite.Circle(0.6, 0.6, 0.15)])
+    send(plan.command)  # every 0.1 s
 
-The public names stand in `kmpc_lite.api`, which is imported when the first of them is asked for:
-`kmpc --help` need not wait for NumPy.
+`help(kmpc_lite.Controller)` says the rest. The public names stand in `kmpc_lite.api`, which is
+imported when the first of them is asked for: `kmpc --help` does not wait for NumPy.
 """
 
 import importlib

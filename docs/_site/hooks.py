@@ -14,6 +14,7 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TABS = re.compile(r"^<!-- tabs -->$(.*?)^<!-- /tabs -->$", re.MULTILINE | re.DOTALL)
 SECTION = re.compile(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+OPTIONS = re.compile(r"[^\n]+:\n  -")
 log = logging.getLogger("mkdocs.hooks.site")
 
 
@@ -63,13 +65,30 @@ def commands_of(program: str, *command: str) -> list[str]:
 
 
 def help_texts(program: str) -> str:
-    """Give the help of every command of a program, a section each."""
+    """Give the help of every command of a program, a section each.
+
+    Groups of options that several commands share come once, at the end.
+    """
+    names = [(name,) for name in commands_of(program)]
+    names += [(name, below) for (name,) in names for below in commands_of(program, name)]
+    helps = {name: help_of(program, *name).split("\n\n") for name in sorted(names)}
+    counts = Counter(group for groups in helps.values() for group in groups)
+    shared = [group for group, count in counts.items() if count > 1 and OPTIONS.match(group)]
     sections = [f"## {program}\n\n```text\n{help_of(program)}\n```"]
-    for name in commands_of(program):
-        for command in ((name,), *((name, below) for below in commands_of(program, name))):
-            title = " ".join([program, *command])
-            sections.append(f"### {title}\n\n```text\n{help_of(program, *command)}\n```")
+    for name, groups in helps.items():
+        told = [f"{title(g)}: below" if g in shared else g for g in groups]
+        text = "\n\n".join(told)
+        sections.append(f"### {program} {' '.join(name)}\n\n```text\n{text}\n```")
+    sections.append("## Options of several commands")
+    for group in shared:
+        users = [f"`{' '.join(name)}`" for name, groups in helps.items() if group in groups]
+        sections.append(f"Of {', '.join(users)}:\n\n```text\n{group}\n```")
     return "\n\n".join(sections)
+
+
+def title(group: str) -> str:
+    """Give the heading of a group of options."""
+    return group.partition(":\n")[0]
 
 
 def file_table(package: str) -> str:

@@ -27,7 +27,13 @@ ROBOT = (
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate", "latency", "experiments")
 """Commands of a desk, which the distribution kmpc-lab brings."""
 LAST = "completion"
-"""Shown after all others."""
+"""Shown after all others of a robot."""
+
+
+PROGRAM, SHARED = "kmpc", ("help", "json")
+"""Options that every command takes: only the help of `kmpc` itself shows them."""
+ON_THE_ROBOT, DESK = "commands for a robot", "commands for a desk (kmpc-lab)"
+"""Headings of the two groups."""
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:
@@ -101,15 +107,34 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
     """Keeps the line breaks of descriptions, examples and helps, and aligns lists of commands."""
 
     def add_argument(self, action: argparse.Action) -> None:
-        """Make room for the indentation of commands, which argparse forgets."""
+        """Leave out what every command takes, and make room for the indentation of commands."""
+        if self._is_shared(action):
+            return
         super().add_argument(action)
         if isinstance(action, argparse._SubParsersAction):
             self._action_max_length += self._indent_increment
 
+    def _is_shared(self, action: argparse.Action) -> bool:
+        return action.dest in SHARED and self._prog != PROGRAM
+
+    def add_usage(
+        self, usage: str | None, actions: Iterable[argparse.Action], *more: Any, **named: Any
+    ) -> None:
+        """Name what must be given; the options stand below."""
+        actions = [action for action in actions if not self._is_shared(action)]
+        must = [a for a in actions if a.required or not a.option_strings]
+        if len(must) < len(actions):
+            must.insert(0, argparse.Action([], "options", nargs="?", metavar="options"))
+        super().add_usage(usage, must, (), *more[1:], **named)
+
     def _format_action(self, action: argparse.Action) -> str:
         text = super()._format_action(action)
-        commands = isinstance(action, argparse._SubParsersAction)
-        return text.partition("\n")[2] if commands else text  # without the line of its metavar
+        if isinstance(action, argparse._SubParsersAction):
+            return text.partition("\n")[2]  # without the line of its metavar
+        is_command = isinstance(action, argparse._SubParsersAction._ChoicesPseudoAction)
+        if is_command and action.dest == LAB[0]:
+            return f"\n{DESK}:\n{text}"
+        return text
 
     def _split_lines(self, text: str, width: int) -> list[str]:
         split = super()._split_lines
@@ -159,9 +184,9 @@ class Parser(argparse.ArgumentParser):
 def known_commands() -> dict[str, str]:
     """Names of all commands that are installed, and where they stand as ``module:name``."""
     found = {point.name: point.value for point in metadata.entry_points(group=ENTRY_POINTS)}
-    order = (*LAB[:1], *ROBOT, *LAB[1:], *found, LAST)
-    names = dict.fromkeys(name for name in order if name != LAST)
-    return {name: found[name] for name in (*names, LAST) if name in found}
+    others = (name for name in found if name not in {*LAB, LAST})
+    names = dict.fromkeys((*ROBOT, *others, LAST, *LAB))
+    return {name: found[name] for name in names if name in found}
 
 
 def load(where: str) -> Command:
@@ -184,9 +209,10 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
     """
     start = "demo" if "demo" in commands else "inspect"
     parser = Parser(
-        prog="kmpc",
+        prog=PROGRAM,
         description="Learn a robot from its log and drive it past obstacles to a pose.",
-        epilog=f"Start with `kmpc {start}`. Each command has a --help with examples of its own.",
+        epilog="Every command takes --help, which has examples, and --json, which prints one JSON\n"
+        f"object, errors too. Start with `kmpc {start}`.",
         formatter_class=HelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
@@ -204,9 +230,9 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
 
 def _add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
     """Put commands under a parser, and theirs under them."""
-    what = "command" if parser.prog == "kmpc" else parser.prog.split()[-1]
+    what = "command" if parser.prog == PROGRAM else parser.prog.split()[-1]
     below = parser.add_subparsers(
-        title="studies" if what == "study" else "commands",
+        title={"command": ON_THE_ROBOT, "study": "studies"}.get(what, "commands"),
         required=True,
         metavar=what,
         parser_class=Parser,
@@ -223,7 +249,5 @@ def _add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Comman
             _add_commands(sub, command.commands)
             continue
         sub.set_defaults(run=command.run, errors=command.errors)
-        sub.add_argument(
-            "--json", action="store_true", help="print one JSON object for machines, errors too"
-        )
+        sub.add_argument("--json", action="store_true", help="print one JSON object, errors too")
         command.add_options(sub)

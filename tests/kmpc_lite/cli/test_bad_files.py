@@ -145,9 +145,10 @@ def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(
     assert cli.main(["fit", "run.csv", "-o", "robot.npz", "-v"]) == 0
     warned = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warn ")]
     monkeypatch.setattr("kmpc_lab.report.write_report", lambda page, run, **more: None)
-    assert cli.main(["demo", "--log", "run.csv"]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert warned and all(f"   {line}" in told for line in warned)
+    assert cli.main(["demo", "--log", "run.csv"]) == 2
+    told, why = capsys.readouterr()
+    assert warned and all(f"   {line}" in told.splitlines() for line in warned)
+    assert "the log never turns" in why
 
 
 def test_the_good_log_is_taken(log: Rows, here: Path) -> None:
