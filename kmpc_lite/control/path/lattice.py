@@ -7,6 +7,7 @@ lattice and the search from a goal are kept while these stay.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -98,7 +99,6 @@ class Lattice:
         corners = solids.outermost
         self._corners = corners.min(axis=0), corners.max(axis=0)
         self._searches: dict[tuple[object, ...], Search] = {}
-        self._linked: tuple[tuple[object, ...], csr_matrix] | None = None
         self._fields = [GridField(b.grid, fineness.step, self._limits) for b in solids.boxes]
         self.landmarks = np.concatenate([field.landmarks for field in self._fields])
         """(L, 2) a point in each of the grids' pieces that hang together [m]."""
@@ -134,9 +134,31 @@ class Lattice:
                 np.minimum(distance[some], near, out=distance[some])
         self._distance = distance.reshape(self._shape)
 
-    def path(self, task: LatticeTask) -> LatticePath | None:
-        """Find the shortest path."""
-        search = self.find(task)
+    def search(
+        self, task: LatticeTask, quanta: int = 1
+    ) -> Generator[int, None, LatticePath | None]:
+        """Find the shortest path in three parts of so many quanta, of which one is yielded each.
+
+        Searches from a goal are kept, to find the next path to it at once.
+        """
+        self.cover(task.start, task.goal)
+        key = self._key(task)
+        graph = None if key in self._searches else self._graph(task)
+        yield quanta
+        if graph is not None:
+            if len(self._searches) >= LATTICE_SEARCHES:
+                del self._searches[next(iter(self._searches))]
+            goal = self._node(task.goal)
+            self._searches[key] = Search(
+                *dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
+            )
+        yield quanta
+        path = self._path(task, self._searches[key])
+        yield 1
+        return path
+
+    def _path(self, task: LatticeTask, search: Search) -> LatticePath | None:
+        """The path from the start, pulled straight; None where there is none."""
         begin, end = self._node(task.start), self._node(task.goal)
         if not np.isfinite(search.cost[begin]):
             return None
@@ -147,29 +169,6 @@ class Lattice:
         points = np.concatenate([start, self._places[nodes[1:-1]], goal])
         ends = min(self.clearance(task.start), self.clearance(task.goal))
         return LatticePath(self, points, task.inflation, ends)
-
-    def link(self, task: LatticeTask) -> None:
-        """Make the graph that `find` searches: half of the work."""
-        self.cover(task.start, task.goal)
-        key = self._key(task)
-        if key not in self._searches:
-            self._linked = key, self._graph(task)
-
-    def find(self, task: LatticeTask) -> Search:
-        """Search from the goal; what was found is kept, as `path` will need it."""
-        self.cover(task.start, task.goal)
-        key = self._key(task)
-        if key not in self._searches:
-            if len(self._searches) >= LATTICE_SEARCHES:
-                del self._searches[next(iter(self._searches))]
-            linked, self._linked = self._linked, None
-            if linked is None or linked[0] != key:
-                linked = key, self._graph(task)
-            goal = self._node(task.goal)
-            self._searches[key] = Search(
-                *dijkstra(linked[1], directed=False, indices=goal, return_predecessors=True)
-            )
-        return self._searches[key]
 
     def _key(self, task: LatticeTask) -> tuple[object, ...]:
         """All that a search depends on: a start only where it is nearer than paths lead."""

@@ -52,8 +52,7 @@ class PathMap:
         self.solids, self._fineness = solids, fineness
         self.coarseness = coarseness
         """How far the solids may stand out of what they were made of [m]."""
-        self.lattice: Lattice | None = None
-        """Made by `prepare`."""
+        self._lattice: Lattice | None = None
         self.has_lattice = solids.rectangle_count > LATTICE_RECTANGLES
         """Whether the grids have too many corners for the tangent graph."""
         self.corners = solids.outline_corners if self.has_lattice else solids.all_corners
@@ -61,17 +60,18 @@ class PathMap:
         self.landmarks = self.corners.middles
         """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
 
-    def prepare(self, start: Array, goal: Array) -> None:
-        """Make the lattice, if there is to be one, for a search from a start to a goal."""
-        if self.lattice is not None or not self.has_lattice:
-            return
+    def prepare(self, start: Array, goal: Array) -> Lattice:
+        """Give the lattice; made, if it was not before, for a search from a start to a goal."""
+        if self._lattice is not None:
+            return self._lattice
         limits = self._limits
         if limits is not None:
             # only start and goal may lie outside
             low, high = np.minimum(start[:2], goal[:2]), np.maximum(start[:2], goal[:2])
             limits = np.minimum(limits[0], low), np.maximum(limits[1], high)
-        self.lattice = Lattice(self.solids, limits, self._fineness)
-        self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
+        self._lattice = lattice = Lattice(self.solids, limits, self._fineness)
+        self.landmarks = np.concatenate([self.corners.middles, lattice.landmarks])
+        return lattice
 
 
 class Obstacles(NamedTuple):

@@ -10,6 +10,7 @@ robot turns on the spot.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,8 @@ TURNING_RADIUS_SHARE = 0.3
 distance between them."""
 TURNING_RADIUS_LIMIT = 0.5
 """Largest radius of these circles [m]."""
+QUANTUM_CIRCLES = 37.5
+"""Circles whose tangents are found in one quantum."""
 
 ROUNDING = 1e-9
 """Length [m] or angle [rad] that is none."""
@@ -98,10 +101,10 @@ class PathQuery:
 
 
 class TangentGraph:
-    """The graph of some circles' tangents, built and searched in parts of about equal time.
+    """The graph of some circles' tangents.
 
-    The parts are called in this order: `add_tangents`, `add_arcs`, `link`, `solve`; then
-    `next_candidate` and `trace` give one path after the other, the quickest first.
+    It is built by `build`; then `next_candidate` and `trace` give one path after the other, the
+    quickest first.
 
     Parameters
     ----------
@@ -121,8 +124,6 @@ class TangentGraph:
         edges: Array,
     ) -> None:
         self._query = query
-        self.size = len(centres)
-        """How many circles it holds."""
         start, goal = query.start, query.goal
         self._ends = np.stack([start, goal])
         across = np.stack([-np.sin(self._ends[:, 2]), np.cos(self._ends[:, 2])], axis=1)
@@ -134,7 +135,20 @@ class TangentGraph:
         self._circles = Circles(points, sizes, len(centres), edges, query.area)
         self._rank = -1
 
-    def add_tangents(self) -> None:
+    def build(self) -> Iterator[int]:
+        """Build and solve it, part by part; how many quanta each of them takes comes first."""
+        # each tangent, of which there are as many as pairs of circles, is looked at beside each
+        # circle
+        yield max(round((self._circles.count / QUANTUM_CIRCLES) ** 3), 1)
+        self._add_tangents()
+        yield 1
+        self._arcs = free_arcs(self._circles, self._circle, self._rotation, self._places)
+        yield 1
+        self._link()
+        yield 1
+        self._solve()
+
+    def _add_tangents(self) -> None:
         """Find the free tangents, and number the nodes.
 
         There are four nodes for each tangent, in the order of travel from the goal outwards:
@@ -155,11 +169,7 @@ class TangentGraph:
         at_tangents = np.repeat(t.ends, 2, axis=1).reshape(-1, 2)
         self._places = np.concatenate([at_tangents, np.repeat(self._ends[:, :2], 4, axis=0)])
 
-    def add_arcs(self) -> None:
-        """Find the free arcs between nodes."""
-        self._arcs = free_arcs(self._circles, self._circle, self._rotation, self._places)
-
-    def link(self) -> None:
+    def _link(self) -> None:
         """Make the graph: tangents in both directions, arcs, and how the goal is entered."""
         t, (tail, head, turn) = self._tangents, self._arcs
         number, begin, speed = self._number, self._size - 2, self._query.speed
@@ -185,7 +195,7 @@ class TangentGraph:
             (times[by_tail], heads[by_tail].astype(np.int32), begins), (self._size, self._size)
         )
 
-    def solve(self) -> None:
+    def _solve(self) -> None:
         """Find the quickest paths from the goal to all nodes, and rank those that reach the start.
 
         Candidates are tangents that end at the start, with a turn there first, and the circles

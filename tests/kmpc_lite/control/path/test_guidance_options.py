@@ -12,7 +12,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.path.planner import Known, Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
-from kmpc_lite.control.path.tangent_planner import Obstacles, TangentPlanner
+from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
 
@@ -163,21 +163,18 @@ def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
     as_before = GeometricPath(points, np.zeros(2), time, False)
     planner = TangentPlanner(PROBLEM, kl.GuidanceOptions())
     planner.begin(asked(driven=Route(points, False, 0.06, 0.0)))
-    none = np.empty((0, 2))
-    planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)
+    planner._landmarks = np.empty((0, 2))
     planner._clearance = planner._widest = 0.06
     assert not planner._takes(quickest)
     assert planner._takes(as_before)
-    found = planner.path()
-    assert isinstance(found, Path) and bool(found.gears.sum() > 0) is kept
+    assert planner._best is not None and bool(planner._best.gears.sum() > 0) is kept
 
 
 def price_of(path: GeometricPath, clearance: float = 0.06, **more: Any) -> float:
     """What a planner says that a path costs [s]."""
     planner = TangentPlanner(PROBLEM, kl.GuidanceOptions())
     planner.begin(asked(**more))
-    none = np.empty((0, 2))
-    planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)
+    planner._landmarks = np.empty((0, 2))
     planner._clearance, planner._widest = clearance, 0.06
     planner._takes(path)
     return planner._price

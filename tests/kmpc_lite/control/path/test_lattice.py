@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from paths import ended
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.lattice import Lattice, LatticeTask
@@ -30,7 +31,7 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     assert solids.rectangle_count > LATTICE_RECTANGLES
     start, goal = np.array([0.0, -2.5]), np.array([0.0, 2.5])
     lattice = Lattice(solids)
-    path = lattice.path(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA))
+    path = ended(lattice.search(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA)))
     assert path is not None and 3 <= len(path.points) <= 8
     share = np.linspace(0.0, 1.0, 100)[:, None]
     along = np.concatenate(
@@ -43,13 +44,17 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     assert solids.whole.least(along).min() >= 0.21 - LATTICE_CUT - 0.06
     np.testing.assert_allclose(solids.whole.least(path.corners), 0.0, atol=1e-9)
     # a door that is too narrow, a circle in the door, or no door at all
-    assert lattice.path(LatticeTask(start, goal, 0.36, NO_CIRCLES, AREA)) is None
+    assert ended(lattice.search(LatticeTask(start, goal, 0.36, NO_CIRCLES, AREA))) is None
     assert (
-        lattice.path(LatticeTask(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA))
+        ended(
+            lattice.search(
+                LatticeTask(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA)
+            )
+        )
         is None
     )
     closed = Lattice(Solids([slanted(None)]))
-    assert closed.path(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA)) is None
+    assert ended(closed.search(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA))) is None
 
 
 def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known() -> None:
@@ -57,7 +62,7 @@ def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known(
     goal, far = np.array([0.0, 2.5]), np.array([0.0, -2.5])
     near = np.array([-1.0, -0.46])
     assert 0.15 < lattice.clearance(near) < 0.21
-    assert lattice.path(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA)) is not None
-    assert lattice.path(LatticeTask(near, goal, 0.21, NO_CIRCLES, AREA)) is not None
+    assert ended(lattice.search(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA))) is not None
+    assert ended(lattice.search(LatticeTask(near, goal, 0.21, NO_CIRCLES, AREA))) is not None
     # and the other way round
-    assert lattice.path(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA)) is not None
+    assert ended(lattice.search(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA))) is not None

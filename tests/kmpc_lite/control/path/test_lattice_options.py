@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from paths import all_paths, ended
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.lattice import Lattice, LatticeTask
 from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.tangent_graph import PathQuery
-from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.world.solids import Solids
 
 AREA = np.array([-100.0, -100.0, 100.0, 100.0])
@@ -38,8 +38,8 @@ def test_a_step_along_an_obstacle_counts_a_fifth_more() -> None:
     # one row of nodes is free between two walls, as near to them as a path may lead
     lattice = Lattice(walls(200, 0, 11))
     start, goal = np.array([3.0, 0.3]), np.array([7.0, 0.3])
-    lattice.cover(start, goal)
-    cost = lattice.find(LatticeTask(start, goal, 0.2249, NO_CIRCLES, AREA)).cost
+    ended(lattice.search(LatticeTask(start, goal, 0.2249, NO_CIRCLES, AREA)))
+    ((cost, _),) = lattice._searches.values()
     assert cost[lattice._node(start)] == pytest.approx(1.2 * 4.0, rel=0.002)
 
 
@@ -74,20 +74,16 @@ def query(centres: np.ndarray, radius: float, lattice_path: Any = None) -> PathQ
 
 def test_corners_are_added_twelve_times_before_the_lattices_own_path_is_taken() -> None:
     lattice_path = AlwaysCut()
-    search, found = TangentSearch(query(np.empty((0, 2)), 0.0, lattice_path)), None
-    while search.part is not Part.NOTHING:
-        found = search.advance()
+    (found,) = all_paths(query(np.empty((0, 2)), 0.0, lattice_path))
     assert lattice_path.looks == 13
-    assert found is not None and found.points[1].tolist() == [0.0, 1.0]
+    assert found.points[1].tolist() == [0.0, 1.0]
 
 
 @pytest.mark.parametrize(("heading", "reverse"), [(0.75, False), (0.75 - np.pi, True)])
 def test_the_lattices_own_path_is_driven_in_the_quicker_gear(heading: float, reverse: bool) -> None:
     asked = query(np.empty((0, 2)), 0.0, AlwaysCut())
     asked.start[2] = asked.goal[2] = heading
-    search, found = TangentSearch(asked), None
-    while search.part is not Part.NOTHING:
-        found = search.advance()
-    assert found is not None and found.reverse is reverse
+    (found,) = all_paths(asked)
+    assert found.reverse is reverse
     # direction of travel, whichever way the robot faces
     np.testing.assert_allclose(np.mod(found.headings, 2.0 * np.pi)[:2], np.pi / 4)
