@@ -55,7 +55,7 @@ class Observation:
     nearby: Nearby | None = None
     """Solids that the robot can come to, and what it has not seen to be free."""
     scans: tuple[LaserScan, ...] = ()
-    """Seen from the pose as measured; in metres."""
+    """Seen from the pose as measured."""
     view: View | None = None
     """What was seen up to now; none without scans."""
 
@@ -152,6 +152,6 @@ class Admission:
             None if command is None else command / scale.command,
             refusal,
             pose_is_known,
-            scans=scans,
+            scans=tuple(scan.scaled(scale.length, scale.time) for scan in scans),
             measured=measured,
         )

@@ -97,7 +97,7 @@ class Pipeline:
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
         reach += REACH_BEYOND_PLAN * unit
         self.scene = Scene(scale.length, reach, LOOKUP_DISTANCE * unit)
-        self._watching = Watching(units, scale, options, reach, self._answers)
+        self._watching = Watching(units, scale, options, reach, self._answers, kernels)
         self._standstill = StandstillWatch(units, scale, options.guidance)
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:

@@ -10,15 +10,14 @@ from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.standstill import StandstillState
-from kmpc_lite.control.world.given_circles import GivenCircles
 from kmpc_lite.control.world.scene import SceneState
+from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.model.koopman import KoopmanModel
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
     from kmpc_lite.control.world.sight.local_map import LocalMap
     from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
-    from kmpc_lite.control.world.tracks import Tracks
 
 
 @dataclass(slots=True)
@@ -41,10 +40,8 @@ class ControllerState:
     """Path, search and checkers; none without guidance."""
     innovation: InnovationState = field(default_factory=InnovationState)
     """How poses differed from what was predicted, and whether the pose has jumped."""
-    circles: GivenCircles = field(default_factory=GivenCircles)
-    """Circles as given, those that move otherwise, and those that stand out of reach."""
-    walkers: Tracks | None = None
-    """Who walks, as scans show it, in metres and seconds; None without scans."""
+    circles: TrackedCircles = field(default_factory=TrackedCircles)
+    """Circles as given, those out of reach, and what is followed of them and in scans."""
     turn: float = 0.0
     """Signed turn to the goal's heading in the step before, without guidance [rad]."""
     standstill: StandstillState = field(default_factory=StandstillState)

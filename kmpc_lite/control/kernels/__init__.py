@@ -13,10 +13,12 @@ from typing import Any
 from kmpc_lite.control.kernels import (
     boxes,
     clearance,
+    clusters,
     fill,
     half_planes,
     safe_motion,
     stop_errors,
+    tracks,
     tube,
 )
 from kmpc_lite.errors import ProblemError
@@ -41,6 +43,8 @@ class Kernels:
     between_samples: Callable[..., Array]
     surely_clear: Callable[..., Array]
     admissible: Callable[..., Array]
+    clusters: Callable[..., Array]
+    follow: Callable[..., tuple[Array, Array]]
     closed_form: Callable[[Any], Any]
     """Makes of a model's symmetric form (`kmpc_lite.model.symmetric`) one of these kernels."""
 
@@ -63,6 +67,8 @@ NUMPY = Kernels(
     between_samples=safe_motion.between_samples,
     surely_clear=safe_motion.surely_clear,
     admissible=safe_motion.admissible,
+    clusters=clusters.clusters,
+    follow=tracks.follow,
     closed_form=lambda form: form,
 )
 

@@ -8,18 +8,15 @@ from functools import cached_property
 import numpy as np
 
 import kmpc_lite.control.kernels._kernels as c
+from kmpc_lite.control.kernels.compiled_scan import clusters as clusters
+from kmpc_lite.control.kernels.compiled_scan import dense as _dense
+from kmpc_lite.control.kernels.compiled_scan import follow as follow
 from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
 LARGEST_HORIZON = 50
 """Stages whose tube has room in C."""
-
-
-def _dense(array: Array) -> Array:
-    """Array as the kernels take it: float64, row by row."""
-    out: Array = np.ascontiguousarray(array, dtype=np.float64)
-    return out
 
 
 def distances_of_motions(things: Array, points: Array, times: Array) -> Array:

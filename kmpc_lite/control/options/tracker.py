@@ -11,8 +11,8 @@ from kmpc_lite.option_fields import check, probability, radii, seconds, share
 class TrackerOptions:
     """What is believed of sensors that see circles, and of what walks.
 
-    Times are the robot's for circles that a controller is told, and by the clock for what scans
-    show and for `ObstacleTracker`, which know of no robot.
+    Times are the robot's in a controller, and by the clock in an `ObstacleTracker`, which knows of
+    no robot.
     """
 
     noise: float = radii(2 / 15, zero=False)

@@ -216,6 +216,21 @@ class LaserScan:
             hits &= np.hypot(x, y) > self.self_radius
         return hits, clear
 
+    def scaled(self, length: float, time: float) -> LaserScan:
+        """Return the same in units of a length [m] and a time [s]."""
+        if length == 1.0 and time == 1.0:
+            return self
+        other = copy(self)
+        for name in ("ends", "points", "hits", "clear", "reach", "ages", "_kinds"):
+            other.__dict__.pop(name, None)
+        for name in ("ranges", "range_max", "range_min", "noise", "self_radius"):
+            object.__setattr__(other, name, getattr(self, name) / length)
+        for name in ("age", "time_increment"):
+            object.__setattr__(other, name, getattr(self, name) / time)
+        x, y, heading = self.mount
+        object.__setattr__(other, "mount", (x / length, y / length, heading))
+        return other
+
     def with_self_radius(self, radius: float) -> LaserScan:
         """Return the scan with a `self_radius` [m] of at least this."""
         if radius <= self.self_radius:

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.world.circles import Circle, circles_to_array
-from kmpc_lite.control.world.clusters import clusters
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.tracks import Follower, Tracks
-from kmpc_lite.control.world.walkers import who_walks
+from kmpc_lite.control.world.walkers import clusters, who_walks
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
 from kmpc_lite.types import Array
@@ -95,15 +94,12 @@ class ObstacleTracker:
         if not np.isfinite(array).all():
             raise ValueError("circles: expected finite numbers")
         followed = self.follow(array)
-        tracks = self.tracks
-        hidden = np.flatnonzero(tracks.unseen > 0.0)
-        velocities = tracks.velocities
-        known = followed >= 0
+        velocities, known = self.tracks.velocities, followed >= 0
         array = array.copy()
         array[known, 3:] = velocities[followed[known]]
-        rest = np.hstack(
-            [tracks.states[hidden, :2], tracks.radii[hidden, None], velocities[hidden]]
-        )
+        hidden = self.tracks.unseen > 0.0
+        rest = self.tracks.circles[hidden]
+        rest[:, 3:] = velocities[hidden]
         return [Circle(*row) for row in np.vstack([array, rest]).tolist()]
 
     def see(self, scan: LaserScan, pose: ArrayLike) -> list[Circle]:
@@ -131,9 +127,9 @@ class ObstacleTracker:
         if here.shape != (3,):
             raise ValueError(f"pose: expected shape (3,), got {here.shape}")
         found = clusters(scan, here, self._follower.radius)
-        self.follow(np.hstack([found, np.zeros((len(found), 2))]))
-        rows = who_walks(self.tracks, self._follower, [scan], [here]).rows
-        return [Circle(*row) for row in rows.tolist()]
+        self.follow(found)
+        known, _ = who_walks(self.tracks, self._follower, [scan], [here])
+        return [Circle(*row) for row in self.tracks.circles[known].tolist()]
 
     def follow(self, circles: Array) -> Array:
         """Take in circles (N, 5); give the index of each one's track (N,), -1 for too many."""

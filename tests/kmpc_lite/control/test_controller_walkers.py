@@ -16,7 +16,8 @@ from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
-from kmpc_lite.control.world.given_circles import GivenCircles, MotionWatch
+from kmpc_lite.control.world.tracking import Tracking
+from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
@@ -24,8 +25,15 @@ DT = 0.1
 GOAL = (1.8, 0.0, 0.0)
 
 
-def watch() -> MotionWatch:
-    return MotionWatch(DT, TrackerOptions(), 0.15, 0.6, 0.15)
+class Watch(Tracking):
+    """Follows circles of which only the list is given."""
+
+    def see(self, state: TrackedCircles, given: Array) -> Array:
+        return super().see(state, given).things
+
+
+def watch() -> Watch:
+    return Watch(kl.NavigationProblem(), kl.ControllerOptions())
 
 
 def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
@@ -34,19 +42,19 @@ def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
 
 
 def test_circles_that_do_as_told_are_the_same_array() -> None:
-    state, looking = GivenCircles(), watch()
+    state, looking = TrackedCircles(), watch()
     still = np.array([[0.0, 1.0, 0.2, 0.0, 0.0], [1.0, 1.0, 0.2, 0.3, 0.1]])
     for k in range(20):
         circles = things_of(still)
         circles[:, :2] += DT * k * still[:, 3:]
         given = circles.copy()
-        assert looking.see(state, circles) is circles and state.tracks is None
+        assert looking.see(state, circles) is circles and not len(state.tracks)
         np.testing.assert_array_equal(circles, given)
 
 
 @pytest.mark.parametrize("speed", [0.3, 0.7, 1.0])
 def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float) -> None:
-    state, looking = GivenCircles(), watch()
+    state, looking = TrackedCircles(), watch()
     for k in range(6):
         seen = looking.see(state, things_of(walker(k, vy=speed)))
     assert seen[0, SPREAD_RATE] > 0.0
@@ -54,7 +62,7 @@ def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float)
 
 
 def test_the_others_stay_as_they_are_told() -> None:
-    state, looking = GivenCircles(), watch()
+    state, looking = TrackedCircles(), watch()
     for k in range(10):
         other = [3.0 + 0.02 * k, 0.0, 0.2, 0.2, 0.0]
         seen = looking.see(state, things_of(np.vstack([walker(k), other])))
@@ -62,7 +70,7 @@ def test_the_others_stay_as_they_are_told() -> None:
 
 
 def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
-    state, looking = GivenCircles(), watch()
+    state, looking = TrackedCircles(), watch()
     for k in range(12):
         rows = [[0.0, 0.0, 0.2, 0.0, 0.0], [1.0 + 0.5 * (k >= 6), 0.0, 0.2, 0.0, 0.0]]
         rows += [[2.0, 2.0, 0.2, 0.0, 0.0]] * (k >= 3)
@@ -70,11 +78,11 @@ def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
 
 
 def test_who_stops_stands_and_the_watch_calms_down() -> None:
-    state, looking = GivenCircles(), watch()
+    state, looking = TrackedCircles(), watch()
     for k in range(80):
         seen = looking.see(state, things_of(walker(min(k, 15))))
     assert not seen[:, 3:].any()
-    assert state.tracks is None
+    assert not len(state.tracks)
 
 
 def test_a_robot_lets_a_walker_pass_who_was_told_to_stand() -> None:
@@ -96,7 +104,7 @@ def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
         pose = kmpc_lab.DifferentialDrive().step(
             pose, controller.step(pose, GOAL, walker(k)).command, DT
         )
-    assert controller.state.circles.tracks is not None
+    assert len(controller.state.circles.tracks)
     others = [copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))]
     for k in range(12, 22):
         plan = controller.step(pose, GOAL, walker(k))
@@ -106,7 +114,7 @@ def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
 
 
 def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
-    state, looking, random = GivenCircles(), watch(), np.random.default_rng(1)
+    state, looking, random = TrackedCircles(), watch(), np.random.default_rng(1)
     for k in range(20):
         turned = max(k - 12, 0)
         place = [0.8 * DT * (min(k, 12) - 0.3 * turned), 0.7 * DT * turned]
@@ -155,7 +163,7 @@ def test_who_walks_is_found_in_scans_alone_and_let_pass() -> None:
     pose, plant, gap, found = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, 0
     for k in range(66):
         plan = controller.step(pose, GOAL, [scanned(pose, k)])
-        tracks = controller.state.walkers
+        tracks = controller.state.circles.tracks
         assert tracks is not None
         moving = tracks.states[tracks.moving]
         found += any(np.hypot(*(row[2:4] - (0.0, 0.7))) < 0.25 for row in moving)
@@ -179,7 +187,7 @@ def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) 
         ranges = World(person, np.empty((0, 4))).ranges(pose[:2], directions)
         ranges[ranges > 4.0] = np.inf
         controller.step(pose, pose, [kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)])
-    tracks = controller.state.walkers
+    tracks = controller.state.circles.tracks
     assert tracks is not None and tracks.walked.max() >= TrackerOptions().begins
 
 
@@ -195,7 +203,7 @@ def test_masts_on_the_robot_are_nobody_who_walks() -> None:
     for _ in range(60):
         scan = kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)
         pose = plant.step(pose, controller.step(pose, GOAL, [scan]).command, DT)
-    tracks = controller.state.walkers
+    tracks = controller.state.circles.tracks
     assert tracks is None or not len(tracks.states)
     assert np.hypot(*(pose - GOAL)[:2]) < 0.05
 

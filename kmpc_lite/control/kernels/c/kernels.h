@@ -27,7 +27,9 @@ enum {
     KMPC_INPUTS = 3,   /* commands at most: speed, turn rate; or two speeds and the turn rate */
     KMPC_HISTORY = 8,  /* past commands at most */
     KMPC_SLOTS = 16,   /* half-planes a stage at most */
-    KMPC_THING = 7     /* x, y, radius, vx, vy, spread rate, largest spread */
+    KMPC_THING = 7,    /* x, y, radius, vx, vy, spread rate, largest spread */
+    KMPC_CIRCLE = 5,   /* x, y, radius, vx, vy */
+    KMPC_TRACK = 39    /* as of kernels/tracks.py */
 };
 
 /* ---- symmetric.c: one period of a symmetric model ------------------------------------------- */
@@ -119,5 +121,34 @@ void kmpc_admissible(int motions, int samples, int places, int things, int first
                      const real *margins, const real *driven, const real *error,
                      const unsigned char *turns, const unsigned char *strict, const int *ends,
                      real unsure, unsigned char *clear);
+
+/* ---- clusters.c: small things in a scan ------------------------------------------------------ */
+
+struct kmpc_ring {
+    int beams;
+    const real *reach;          /* (beams) how far each saw nothing */
+    const real *ends;           /* (beams, 2) where it ends in the robot's frame */
+    const unsigned char *hits;  /* (beams) */
+    const unsigned char *clear; /* (beams) whether it saw that nothing is there */
+    const real *mount;          /* (2) the scanner */
+    real step, gap, largest;
+};
+
+int kmpc_clusters(const struct kmpc_ring *scan, int *ring, real *circles);
+
+/* ---- tracks.c: circles that are followed ----------------------------------------------------- */
+
+struct kmpc_walk {
+    real dt, memory, acceleration, turning, noise, other, gate, chance;
+};
+
+struct kmpc_pairs { /* work space; rows are tracks, columns are circles */
+    int *of_row, *row_of, *before, *done;      /* (rows), then (rows + columns) each */
+    real *row_price, *column_price, *shortest; /* the same */
+};
+
+/* `costs` holds (tracks, circles); `after` the tracks before, and is overwritten. */
+void kmpc_follow(const struct kmpc_walk *w, int tracks, int circles, const real *circle,
+                 const real *source, struct kmpc_pairs *p, real *costs, real *after, int *found);
 
 #endif

@@ -351,6 +351,57 @@ static PyObject *admissible(PyObject *self, PyObject *args)
     return done(b, 10, fits);
 }
 
+static PyObject *clusters(PyObject *self, PyObject *args)
+{
+    Py_buffer b[8]; /* reach, ends, hits, clear, mount, ring, circles, count */
+    struct kmpc_ring s;
+    double step, gap, largest;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*w*w*w*ddd", b, b + 1, b + 2, b + 3, b + 4, b + 5, b + 6,
+                          b + 7, &step, &gap, &largest))
+        return NULL;
+    const long beams = reals(b);
+    const int fits = holds(b + 1, 2 * beams) && b[2].len == beams && b[3].len == beams &&
+                     holds(b + 4, 2) && holds_ints(b + 5, beams) &&
+                     holds(b + 6, 3 * (beams / 3 + 1)) && holds_ints(b + 7, 1);
+    if (fits) {
+        s = (struct kmpc_ring){(int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf,
+                               b[4].buf,   step,     gap,      largest};
+        *(int *)b[7].buf = kmpc_clusters(&s, b[5].buf, b[6].buf);
+    }
+    return done(b, 8, fits);
+}
+
+static PyObject *follow(PyObject *self, PyObject *args)
+{
+    Py_buffer b[6]; /* circles, sources, after, found, room, room for indices */
+    double dt, memory, acceleration, turning, noise, other, gate, chance;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*w*w*w*w*dddddddd", b, b + 1, b + 2, b + 3, b + 4, b + 5, &dt,
+                          &memory, &acceleration, &turning, &noise, &other, &gate, &chance))
+        return NULL;
+    const struct kmpc_walk walk = {dt, memory, acceleration, turning, noise, other, gate, chance};
+    const long circles = reals(b + 1), tracks = reals(b + 2) / KMPC_TRACK, all = tracks + circles;
+    const int fits = holds(b, KMPC_CIRCLE * circles) && holds(b + 2, KMPC_TRACK * tracks) &&
+                     holds_ints(b + 3, circles) &&
+                     holds(b + 4, tracks * circles + tracks + 2 * all) &&
+                     holds_ints(b + 5, tracks + 3 * all);
+    if (fits) {
+        real *costs = b[4].buf, *room = costs + tracks * circles;
+        int *indices = b[5].buf;
+        struct kmpc_pairs pairs = {indices,
+                                   indices + tracks,
+                                   indices + tracks + all,
+                                   indices + tracks + 2 * all,
+                                   room,
+                                   room + tracks,
+                                   room + tracks + all};
+        kmpc_follow(&walk, (int)tracks, (int)circles, b[0].buf, b[1].buf, &pairs, costs, b[2].buf,
+                    b[3].buf);
+    }
+    return done(b, 6, fits);
+}
+
 #define KERNEL(name) {#name, name, METH_VARARGS, NULL}
 
 static PyMethodDef kernels[] = {
@@ -359,7 +410,8 @@ static PyMethodDef kernels[] = {
     KERNEL(box_distances), KERNEL(nearest_boxes),
     KERNEL(tube_margins),  KERNEL(nearest_half_planes), KERNEL(fill),
     KERNEL(stop_errors),   KERNEL(samples),         KERNEL(between_samples),
-    KERNEL(surely_clear),  KERNEL(admissible),      {NULL, NULL, 0, NULL},
+    KERNEL(surely_clear),  KERNEL(admissible),      KERNEL(clusters),        KERNEL(follow),
+    {NULL, NULL, 0, NULL},
 };
 
 static PyModuleDef_Slot slots[] = {{0, NULL}};

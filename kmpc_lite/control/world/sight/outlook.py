@@ -15,23 +15,16 @@ BEYOND = 1e-6
 """How far beyond its end a sector is looked at, to tell whether another one goes on there [rad]."""
 
 
-def outlook_of(scan: LaserScan, unit: float) -> tuple[float, float, float, float] | None:
-    """Where the scanner of a scan looks, in the robot's frame and units; none if no beam counts.
+def outlook_of(scan: LaserScan) -> tuple[float, float, float, float] | None:
+    """Where the scanner of a scan looks, in the robot's frame; none if no beam counts.
 
     Its x and y, the direction of the middle of what it sees, and how far to either side it sees
     [rad]; pi: all around.
-
-    Parameters
-    ----------
-    scan : LaserScan
-        In metres.
-    unit : float
-        Metres of one of the robot's units.
     """
     sector = _sector(scan.layout, scan.ignore)
     if sector is None:
         return None
-    return scan.mount[0] / unit, scan.mount[1] / unit, *sector
+    return *scan.mount[:2], *sector
 
 
 @lru_cache(maxsize=16)

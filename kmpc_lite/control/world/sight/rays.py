@@ -27,17 +27,14 @@ class Rays:
     Parameters
     ----------
     scan : LaserScan
-        In metres.
+        Seen from the robot.
     poses : ndarray
-        Where the robot was when it was taken: (3,), or (B, 3) where beams are of different ages;
-        in the robot's units.
-    unit : float
-        Metres of one of the robot's units.
+        Where the robot was when it was taken: (3,), or (B, 3) where beams are of different ages.
     cell : float
         Side of the cells that are looked at.
     """
 
-    def __init__(self, scan: LaserScan, poses: Array, unit: float, cell: float) -> None:
+    def __init__(self, scan: LaserScan, poses: Array, cell: float) -> None:
         one = poses.ndim == 1
         cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
         mount_x, mount_y, _ = scan.mount
@@ -45,17 +42,17 @@ class Rays:
         def placed(x: Array | float, y: Array | float) -> tuple[Array, Array]:
             return poses[..., 0] + cos * x - sin * y, poses[..., 1] + sin * x + cos * y
 
-        reach = scan.reach / unit
-        x, y = placed(scan.ends[:, 0] / unit, scan.ends[:, 1] / unit)
-        hits, step, noise = scan.hits, abs(scan.angle_increment), scan.noise / unit
+        reach = scan.reach
+        x, y = placed(scan.ends[:, 0], scan.ends[:, 1])
+        hits, step, noise = scan.hits, abs(scan.angle_increment), scan.noise
         ranges, deviations = averaged_ranges(reach, hits, step, noise, 0.5 * cell)
         along = beams(*scan.layout)[1].T
-        surface = placed(ranges * along[0] + mount_x / unit, ranges * along[1] + mount_y / unit)
+        surface = placed(ranges * along[0] + mount_x, ranges * along[1] + mount_y)
         self.hits = np.stack(surface, axis=1)[hits]
         """(M, 2) what was hit."""
         self.deviations = deviations[hits]
         """(M,) standard deviations of their distances from the scanner."""
-        self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]
+        self.origin = np.array(placed(mount_x, mount_y)).reshape(2, -1)[:, -1]
         """(2,) the scanner; at the time of the last beam."""
         self.low = np.minimum((x.min(), y.min()), self.origin) - cell
         """(2,) corner of the area that no beam has left ..."""

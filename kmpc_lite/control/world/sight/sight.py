@@ -67,7 +67,8 @@ class Sight:
     ) -> None:
         unit = unit_length(problem)
         self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit
-        self._scale, self._reach, self._dt = scale, reach, problem.dt
+        self._reach, self._dt = reach, problem.dt
+        self._blind = options.blind_time / scale.time
         self._radius, self._footprint = problem.body_radius, problem.footprint
         # hits nearer than the first are the robot's own; within the second of its circles' middles
         # there is nothing but the robot
@@ -80,7 +81,7 @@ class Sight:
 
     def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
         """Scans in which hits within the robot are not told: its mast, its arm."""
-        return tuple(s.with_self_radius(self._inside * self._scale.length) for s in scans)
+        return tuple(s.with_self_radius(self._inside) for s in scans)
 
     def look(
         self,
@@ -97,7 +98,7 @@ class Sight:
         before : LocalMap or None
             Changed.
         scans : sequence of LaserScan
-            Taken at the pose; in metres. None at all is a step without a scan.
+            Taken at the pose. None at all is a step without a scan.
         pose : ndarray
             (3,) as measured.
         pose_noise : float
@@ -114,14 +115,13 @@ class Sight:
         here.clock += self._dt
         here.follow(pose[:2], self._reach)
         here.remember_pose(pose, TRAIL)
-        here.forget(options.memory, options.blind_time / self._scale.time)
+        here.forget(options.memory, self._blind)
         scans = self.without_robot(scans)
-        unit = self._scale.length
         for scan in scans:
-            look = outlook_of(scan, unit)
+            look = outlook_of(scan)
             if look is not None:
                 here.look_out(look)
-        rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
+        rays = [Rays(s, self._pose_of(here, s, pose), here.cell) for s in scans]
         for ray in rays:
             self._clear(here, ray)
         if rays:
@@ -194,15 +194,14 @@ class Sight:
 
     def _begin(self, scans: Sequence[LaserScan], pose: Array) -> LocalMap:
         """Begin a map that holds the whole area where that is small, else the neighbourhood."""
-        options, length = self.options, self._scale.length
-        noise = max(scan.noise for scan in scans) / length
+        options, noise = self.options, max(scan.noise for scan in scans)
         cell = side_of(options.cell, noise, CELL_NOISE)
         low, high = self._area
         low, high = low - self._reach - cell, high + self._reach + cell
         most = options.most_cells * cell
         if (high - low <= most).all():
             return LocalMap.around(low, high, cell, True)
-        reach = max(scan.range_max for scan in scans) / length
+        reach = max(scan.range_max for scan in scans)
         half = min(max(MAP_REACH * reach, 2.0 * self._reach), 0.5 * most)
         return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
 
@@ -211,7 +210,7 @@ class Sight:
         if not scan.age and not scan.time_increment:
             return pose
         ages = scan.ages if scan.time_increment else np.array(scan.age)
-        return here.poses_at(ages / self._scale.time)
+        return here.poses_at(ages)
 
     def _clear(self, here: LocalMap, rays: Rays) -> None:
         """Take note of what rays passed through."""

@@ -68,7 +68,9 @@ def test_a_picture_shows_the_hits_that_the_controller_used(age: float) -> None:
     controller, pose, plan = looked(scan)
     here, scale = controller.state.seen, controller.scale
     used = Rays(
-        scan.with_self_radius(0.15), here.poses_at(np.array(age / scale.time)), scale.length, 0.1
+        scan.with_self_radius(0.15).scaled(scale.length, scale.time),
+        here.poses_at(np.array(age / scale.time)),
+        0.1,
     )
     packet = plan_packet(last_step(controller, pose, plan, scan), (1.5, 1.0, 2.0))
     shown = np.frombuffer(packet["scan"]).reshape(-1, 2)

@@ -18,6 +18,8 @@ import kmpc_lite as kl
 from kmpc_lite.control import kernels as package
 from kmpc_lite.control.kernels import NUMPY, Kernels, choose_kernels, compiled_kernels, tube
 from kmpc_lite.control.knowledge import motion_model
+from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.control.world.tracks import Follower, Tracks
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
@@ -89,6 +91,10 @@ def asked() -> dict[str, list[tuple[Any, ...]]]:
                     kl.Wall(0.4, -1.6, 0.6, -0.6),
                     GRID,
                 ]
+                # given to stand, and it walks: in the list, and in scans
+                walker = kl.Circle(1.2 - 0.05 * k, -0.5, 0.2)
+                look = np.where(np.arange(180) % 50 < 10 + k % 3, 1.0 + 0.01 * k, np.inf)
+                around += [walker, kl.LaserScan(look, -np.pi, np.pi / 90, 4.0)]
                 command = controller.step(pose, (1.4, 1.4, 0.5), around).command
                 pose = model.predict(pose, command)
     return calls
@@ -159,6 +165,33 @@ def test_tubes_of_random_plans(delay, stages, lasts):
 
 
 @needs_c
+@pytest.mark.parametrize("seed", range(12))
+def test_crowds_are_followed_alike(seed):
+    """Tracks and circles so near each other that the assignment is none of favourites."""
+    random = np.random.default_rng(seed)
+    follower, tracks = Follower(0.1, TrackerOptions(), 0.15, 0.6), Tracks()
+    side = random.choice([0.1, 0.5, 3.0])
+    for _ in range(8):
+        count = random.integers(0, 25)
+        circles = random.uniform(-side, side, (count, 5))
+        sources = (random.random(count) < 0.3).astype(float)
+        assert_alike("follow", (tracks.rows, circles, sources, *follower.numbers))
+        tracks, _ = follower.follow(tracks, circles, sources)
+
+
+@needs_c
+@pytest.mark.parametrize("seed", range(30))
+def test_clusters_of_random_scans_are_alike(seed):
+    random = np.random.default_rng(seed)
+    ranges = 0.5 + random.random(60).repeat(random.integers(1, 9, 60))
+    ranges[random.random(len(ranges)) < 0.05] = np.nan
+    ranges[random.random(len(ranges)) < 0.05 * (seed % 3)] = np.inf
+    scan = kl.LaserScan(ranges, 0.0, 2.0 * np.pi / len(ranges), 4.0, mount=(0.1, 0.05, 0.3))
+    beams = scan.reach, scan.ends, scan.hits, scan.clear
+    assert_alike("clusters", (*beams, np.array(scan.mount[:2]), 0.01, 0.15, 0.45))
+
+
+@needs_c
 @pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
 def test_symmetric_models_move_alike(integrator):
     model = replace(kl.nominal_unicycle(0.1), integrator=integrator)
@@ -194,7 +227,11 @@ PYTHON_ALONE = {"pose_tree", "reeds_shepp", "twists", "scan_map"}
 
 def test_each_file_has_its_twin():
     sources = {path.stem for path in (FOLDER / "c").glob("*.c")} - {"module"}
-    modules = {path.stem for path in FOLDER.glob("*.py")} - {"__init__", "compiled"}
+    modules = {path.stem for path in FOLDER.glob("*.py")} - {
+        "__init__",
+        "compiled",
+        "compiled_scan",
+    }
     # a model's closed form is a kernel of the model's room
     assert sources - {"symmetric"} == modules - PYTHON_ALONE
 

@@ -13,7 +13,8 @@ from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies.sight import circles as study
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import ControllerOptions
-from kmpc_lite.control.world.given_circles import CircleMemory, GivenCircles
+from kmpc_lite.control.world.tracking import Tracking
+from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.types import Array
 
 REACH = 0.5
@@ -26,14 +27,20 @@ def standing(*places: tuple[float, float]) -> Array:
     return np.array([[x, y, 0.2, 0.0, 0.0] for x, y in places])
 
 
+def known_to(robot: kl.Controller) -> Array:
+    """Things (K, 7) that a controller knows of."""
+    things = robot.state.circles.things
+    return np.empty((0, 7)) if things is None else things
+
+
 def at_distance(gap: float) -> Array:
     """Pose whose edge is so far from the edge of a circle at the origin."""
     return np.array((-(gap + 0.2 + PROBLEM.robot_radius), 0.0, 0.0))
 
 
 def recall(
-    memory: CircleMemory,
-    state: GivenCircles,
+    memory: Tracking,
+    state: TrackedCircles,
     circles: Array,
     pose: Array,
     spread_rate: Array | float = 0.0,
@@ -41,25 +48,26 @@ def recall(
     driven: float = 0.0,
 ) -> Array:
     things = things_of(circles, spread_rate)
-    return memory.recall(state, things, pose, noise, driven)[:, :SPREAD_RATE]
+    around = memory.see(state, things, (), pose, None, noise, driven)
+    return around.things[:, :SPREAD_RATE]
 
 
 @pytest.fixture
-def memory() -> CircleMemory:
-    return CircleMemory(PROBLEM, ControllerOptions())
+def memory() -> Tracking:
+    return Tracking(PROBLEM, ControllerOptions())
 
 
 @pytest.fixture
-def state(memory: CircleMemory) -> GivenCircles:
+def state(memory: Tracking) -> TrackedCircles:
     """Of a robot that was told of a circle at the origin."""
-    made = GivenCircles()
+    made = TrackedCircles()
     recall(memory, made, standing((0.0, 0.0)), at_distance(0.4))
     return made
 
 
 @pytest.mark.parametrize(("gap", "remembered"), [(0.51, True), (0.48, False), (0.1, False)])
 def test_what_is_not_told_is_remembered_out_of_reach_and_forgotten_within(
-    memory: CircleMemory, state: GivenCircles, gap: float, remembered: bool
+    memory: Tracking, state: TrackedCircles, gap: float, remembered: bool
 ) -> None:
     assert len(recall(memory, state, NOTHING, at_distance(gap))) == remembered
     assert len(recall(memory, state, NOTHING, at_distance(2.0))) == remembered
@@ -67,7 +75,7 @@ def test_what_is_not_told_is_remembered_out_of_reach_and_forgotten_within(
 
 @pytest.mark.parametrize("known", [{"noise": 0.03}, {"driven": 0.03}])
 def test_a_list_may_be_as_old_as_a_period_and_as_wrong_as_the_pose(
-    memory: CircleMemory, state: GivenCircles, known: dict[str, float]
+    memory: Tracking, state: TrackedCircles, known: dict[str, float]
 ) -> None:
     assert len(recall(memory, state, NOTHING, at_distance(0.47), **known)) == 1
     assert not len(recall(memory, state, NOTHING, at_distance(0.45), **known))
@@ -75,14 +83,14 @@ def test_a_list_may_be_as_old_as_a_period_and_as_wrong_as_the_pose(
 
 def test_it_is_forgotten_with_time() -> None:
     options = ControllerOptions.from_dict({"sight": {"memory": 1.0}})
-    memory, state = CircleMemory(PROBLEM, options), GivenCircles()
+    memory, state = Tracking(PROBLEM, options), TrackedCircles()
     recall(memory, state, standing((0.0, 0.0)), at_distance(0.4))
     found = [len(recall(memory, state, NOTHING, at_distance(2.0))) for _ in range(12)]
     assert sum(found) in (9, 10) and not found[-1]
 
 
 def test_who_is_told_again_is_not_there_twice_and_keeps_its_row(
-    memory: CircleMemory, state: GivenCircles
+    memory: Tracking, state: TrackedCircles
 ) -> None:
     here, other, far = at_distance(0.4), (0.0, 0.6), at_distance(2.0)
     for circles in (standing((0.0, 0.0), other), NOTHING, standing(other)):
@@ -94,13 +102,13 @@ def test_who_is_told_again_is_not_there_twice_and_keeps_its_row(
     assert len(recall(memory, state, standing(other, (0.1, 0.0)), here)) == 2
 
 
-def test_two_that_are_told_at_one_place_stay_two(memory: CircleMemory) -> None:
-    state, both = GivenCircles(), standing((0.0, 0.0), (0.0, 0.0))
+def test_two_that_are_told_at_one_place_stay_two(memory: Tracking) -> None:
+    state, both = TrackedCircles(), standing((0.0, 0.0), (0.0, 0.0))
     for circles in (both, both, NOTHING):
         assert len(recall(memory, state, circles, at_distance(0.6))) == 2
 
 
-def test_who_moves_is_not_remembered(memory: CircleMemory, state: GivenCircles) -> None:
+def test_who_moves_is_not_remembered(memory: Tracking, state: TrackedCircles) -> None:
     walks, far = standing((0.0, 0.0)) + (0.0, 0.0, 0.0, 0.3, 0.0), at_distance(2.0)
     np.testing.assert_array_equal(recall(memory, state, walks, far), walks)
     assert not len(recall(memory, state, NOTHING, far))
@@ -109,17 +117,17 @@ def test_who_moves_is_not_remembered(memory: CircleMemory, state: GivenCircles) 
     assert not len(recall(memory, state, NOTHING, far))
 
 
-def test_spreads_stay_with_their_circles(memory: CircleMemory, state: GivenCircles) -> None:
+def test_spreads_stay_with_their_circles(memory: Tracking, state: TrackedCircles) -> None:
     circles = standing((3.0, 0.0), (2.0, 0.0))
     seen = things_of(circles, np.array((0.1, 0.0)))
-    known = memory.recall(state, seen, at_distance(2.0), noise=0.0, driven=0.0)
-    places = standing((0.0, 0.0), (2.0, 0.0), (3.0, 0.0))
-    np.testing.assert_array_equal(known, things_of(places, np.array((0.0, 0.0, 0.1))))
+    known = memory.see(state, seen, pose=at_distance(2.0)).things
+    places = standing((0.0, 0.0), (3.0, 0.0), (2.0, 0.0))
+    np.testing.assert_array_equal(known, things_of(places, np.array((0.0, 0.1, 0.0))))
 
 
 def test_the_latest_are_remembered_where_there_are_too_many() -> None:
     options = ControllerOptions.from_dict({"obstacles": {"circles": 3}})
-    memory, state, far = CircleMemory(PROBLEM, options), GivenCircles(), at_distance(9.0)
+    memory, state, far = Tracking(PROBLEM, options), TrackedCircles(), at_distance(9.0)
     for x in range(5):
         known = recall(memory, state, standing((float(x), 0.0)), far)
     np.testing.assert_array_equal(known[:, 0], (2.0, 3.0, 4.0))
@@ -127,10 +135,10 @@ def test_the_latest_are_remembered_where_there_are_too_many() -> None:
 
 
 def test_without_a_range_nothing_is_remembered() -> None:
-    memory, state = CircleMemory(kl.NavigationProblem(), ControllerOptions()), GivenCircles()
+    memory, state = Tracking(kl.NavigationProblem(), ControllerOptions()), TrackedCircles()
     things = things_of(standing((0.0, 0.0)))
-    assert memory.recall(state, things, at_distance(0.4), 0.0, 0.0) is things
-    assert not len(state.circles)
+    assert memory.see(state, things, pose=at_distance(0.4)).things is things
+    assert not len(recall(memory, state, NOTHING, at_distance(2.0)))
 
 
 def controller(problem: kl.NavigationProblem = PROBLEM) -> kl.Controller:
@@ -148,7 +156,7 @@ def test_the_path_leads_around_what_is_out_of_reach() -> None:
     assert away.min() > 0.4 + 0.15
     robot.reset()
     robot.step(START, GOAL)
-    assert not len(robot.state.circles.circles)
+    assert not len(known_to(robot))
 
 
 def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:
@@ -175,8 +183,8 @@ def test_after_poses_that_stay_where_they_jumped_to_nothing_is_remembered() -> N
     robot.step(START, GOAL)
     for k in range(40):
         robot.step(jumped, jumped)
-        assert k > 10 or len(robot.state.circles.circles) == 1
-    assert not len(robot.state.circles.circles)
+        assert k > 10 or len(known_to(robot)) == 1
+    assert not len(known_to(robot))
 
 
 def test_the_memory_copies_and_pickles_with_the_state() -> None:
@@ -204,11 +212,11 @@ def test_the_memory_copies_and_pickles_with_the_state() -> None:
 
 def test_a_robot_twice_as_large_remembers_twice_as_far() -> None:
     small, large = (
-        CircleMemory(problem, ControllerOptions())
+        Tracking(problem, ControllerOptions())
         for problem in (PROBLEM, kl.NavigationProblem(robot_radius=0.3, sensor_range=2.0 * REACH))
     )
     by = np.array((2.0, 2.0, 2.0, 1.0, 1.0))
-    one, two = GivenCircles(), GivenCircles()
+    one, two = TrackedCircles(), TrackedCircles()
     for gap in (0.4, 0.49, 0.495, 0.6, 0.48):
         told = standing((0.0, 0.0)) if gap == 0.4 else NOTHING
         known = recall(small, one, told, at_distance(gap))

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import SightOptions, TrackerOptions
-from kmpc_lite.control.world.clusters import clusters
+from kmpc_lite.control.kernels.tracks import MOVING, WALKED
+from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.sight import Sight
 from kmpc_lite.control.world.tracker import ObstacleTracker
-from kmpc_lite.control.world.tracks import Tracks
-from kmpc_lite.control.world.walkers import Walkers, who_walks
+from kmpc_lite.control.world.tracking import Tracking
+from kmpc_lite.control.world.tracks import TrackedCircles
+from kmpc_lite.control.world.walkers import clusters, who_walks
 from kmpc_lite.scale import Scale
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
@@ -48,7 +49,7 @@ def test_posts_are_circles_where_they_stand_and_walls_are_none(turn: float) -> N
     assert len(found) == len(POSTS)
     for row in found:
         nearest = POSTS[np.hypot(*(POSTS[:, :2] - row[:2]).T).argmin()]
-        assert np.hypot(*(row - nearest[:3])[:2]) < 0.05
+        assert np.hypot(*(row - nearest)[:2]) < 0.05
         assert row[2] == pytest.approx(nearest[2], abs=0.03)
 
 
@@ -66,7 +67,7 @@ def test_what_is_partly_hidden_is_no_cluster() -> None:
 def test_nothing_is_found_in_an_empty_scan() -> None:
     for value in (np.inf, np.nan):
         scan = kl.LaserScan(np.full(BEAMS, value), 0.0, math.tau / BEAMS, REACH)
-        assert clusters(scan, np.zeros(3), 0.15).shape == (0, 3)
+        assert clusters(scan, np.zeros(3), 0.15).shape == (0, 5)
 
 
 def test_who_walks_is_found_among_posts_by_a_robot_that_drives() -> None:
@@ -108,8 +109,8 @@ def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> No
     assert len(people) == 1
     tracks, known = tracker.tracks, []
     for _ in range(15):
-        tracks.moving[:] = False
-        known.append(len(who_walks(tracks, tracker._follower, [scan], [pose]).rows))
+        tracks.rows[:, MOVING] = 0.0
+        known.append(len(who_walks(tracks, tracker._follower, [scan], [pose])[0]))
     assert all(known[:9]) and not any(known[10:])
 
 
@@ -123,10 +124,11 @@ def test_who_comes_to_where_it_was_free_may_walk_though_somebody_is_where_he_was
         scan = look(np.array([[1.2, 0.06 * k - 0.6 * i, 0.2, 0.0, 0.0] for i in (0, 1)]), pose)
         tracker.see(scan, pose)
     tracks, follower = tracker.tracks, tracker._follower
-    tracks.walked = np.zeros(len(tracks))
-    found = who_walks(tracks, follower, [scan], [pose], lambda rows: np.full(len(rows), free))
-    assert not len(found.rows)
-    assert (found.perhaps[:, 1] > 0.8).any() == free
+    tracks.rows[:, WALKED] = 0.0
+    here = [scan], [pose]
+    known, perhaps = who_walks(tracks, follower, *here, lambda places: np.full(len(places), free))
+    assert not len(known)
+    assert (tracks.states[perhaps, 1] > 0.8).any() == free
 
 
 def test_a_wall_that_goes_on_beyond_the_scanners_reach_is_none() -> None:
@@ -152,7 +154,7 @@ def test_the_walls_of_a_corridor_around_the_robot_are_no_cluster(width: float) -
         nobody = look(np.empty((0, 5)), pose, walls=np.concatenate([walls, ends]))
         assert not len(clusters(nobody, pose, 0.15))
         found = clusters(look(post, pose, walls=np.concatenate([walls, ends])), pose, 0.15)
-        assert len(found) == 1 and found[0] == pytest.approx(post[0, :3], abs=0.03)
+        assert len(found) == 1 and found[0, :3] == pytest.approx(post[0, :3], abs=0.03)
 
 
 @pytest.mark.parametrize("age", [0.1, 0.2])
@@ -163,12 +165,12 @@ def test_posts_do_not_walk_when_scans_of_a_robot_that_turns_are_old(age: float) 
     headings = 0.2 * np.arcsin(np.sin(math.tau * times))
     problem = kl.NavigationProblem(x_min=(-6, -6, -np.inf), x_max=(6, 6, np.inf))
     eyes, map_ = Sight(problem, Scale(), SightOptions(), 1.65), None
-    watch, tracks = Walkers(DT, TrackerOptions(), Scale(), 0.15), Tracks()
+    watch, state = Tracking(problem, kl.ControllerOptions()), TrackedCircles()
     random = np.random.default_rng(0)
     for now, then in headings.T:
         pose, fresh = np.array([0.0, 0.0, now]), look(posts, np.array([0.0, 0.0, then]), random)
         scan = dataclasses.replace(fresh, age=age)
-        tracks, rows, _ = watch.see(tracks, [scan], pose, np.empty((0, 7)), map_)
+        around = watch.see(state, np.empty((0, 7)), [scan], pose, map_)
         map_ = eyes.look(map_, [scan], pose, 0.0)
-        walkers += len(rows)
+        walkers += around.walking
     assert walkers < 5

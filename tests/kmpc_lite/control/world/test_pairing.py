@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from kmpc_lite.control.world.tracks import pairs
+from kmpc_lite.control.kernels.tracks import pairs
 
 
 @pytest.mark.parametrize("seed", range(40))

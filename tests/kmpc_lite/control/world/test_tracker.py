@@ -10,7 +10,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.world import track_filter
+from kmpc_lite.control.world import tracks
 from kmpc_lite.control.world.tracker import ObstacleTracker
 from kmpc_lite.control.world.tracks import MOST
 from kmpc_lite.geometry import rotate
@@ -137,8 +137,8 @@ def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track(
     turn, length, time = 2.0, 4.0, 2.0
     tracker = ObstacleTracker(DT)
     # what is told in seconds is told in its own
-    monkeypatch.setattr(track_filter, "TURN_MEMORY", 4.0)
-    monkeypatch.setattr(track_filter, "TURN_RATE", 0.25)
+    monkeypatch.setattr(tracks, "TURN_MEMORY", 4.0)
+    monkeypatch.setattr(tracks, "TURN_RATE", 0.25)
     slower = TrackerOptions(acceleration=1 / 3)
     other = ObstacleTracker(DT * time, slower, 0.6, 1.2)
     for place in seen:

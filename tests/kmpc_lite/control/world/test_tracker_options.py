@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels import tracks as kernel
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
-from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.world.given_circles import GivenCircles, MotionWatch
+from kmpc_lite.control.kernels.tracks import WALKED
 from kmpc_lite.control.world.tracker import ObstacleTracker
+from kmpc_lite.control.world.tracking import Tracking
+from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
@@ -34,10 +37,17 @@ def test_what_was_seen_once_is_known_to_two_centimetres_and_may_drive_twice_as_f
 
 
 def test_accelerations_of_two_thirds_of_the_fastest_speed_and_turns_of_two_seconds() -> None:
-    motion = walked(0.0, 1)._follower._filter._motion
-    assert math.sqrt(motion[2, 2]) == pytest.approx(DT * 0.4)
+    tracker = walked(0.0, 1)
+    before = tracker.tracks.covariances[0].copy()
+    after, _ = kernel.follow(tracker.tracks.rows, *NOTHING, *tracker._follower.numbers)
+    grown = after[0, kernel.COVARIANCE].reshape(5, 5) - before
+    assert math.sqrt(grown[2, 2]) == pytest.approx(DT * 0.4)
     # after two seconds, a turn rate has faded to a share of 1 / e
-    assert motion[4, 4] == pytest.approx(0.5**2 * (1.0 - math.exp(-2.0 * DT / 2.0)))
+    faded = math.exp(-2.0 * DT / 2.0)
+    assert grown[4, 4] == pytest.approx((1.0 - faded) * (0.5**2 - before[4, 4]))
+
+
+NOTHING = np.empty((0, 5)), np.empty(0)
 
 
 @pytest.mark.parametrize(("share", "same"), [(0.995, True), (1.005, False)])
@@ -45,24 +55,24 @@ def test_who_is_where_chance_leads_once_in_ten_thousand_is_still_the_same(
     share: float, same: bool
 ) -> None:
     tracker = walked(0.0, 5)
-    tracks, motion = tracker.tracks, tracker._follower._filter
-    states, covariances = motion.predict(tracks.states, tracks.covariances)
-    variance = motion.turned_round(covariances)[0, 0, 0] + 0.02**2
+    after, _ = kernel.follow(tracker.tracks.rows, *NOTHING, *tracker._follower.numbers)
+    # it may have turned round, at any pace up to the robot's
+    variance = after[0, kernel.COVARIANCE.start] + (DT * 0.6) ** 2 + 0.02**2
     away = share * math.sqrt(-2.0 * math.log(1e-4) * variance)
-    seen = np.array([[states[0, 0] + away, states[0, 1], 0.2, 0.0, 0.0]])
-    found = tracker.follow(seen)
+    found = tracker.follow(np.array([[after[0, 0] + away, after[0, 1], 0.2, 0.0, 0.0]]))
     assert bool(tracker.tracks.numbers[found[0]] == 0) is same
 
 
 @pytest.mark.parametrize(("share", "moves"), [(0.995, False), (1.005, True)])
 def test_who_stands_is_taken_to_move_once_in_a_thousand_times(share: float, moves: bool) -> None:
     tracker = walked(0.0, 5)
-    tracks, motion = tracker.tracks, tracker._follower._filter
-    states, covariances = motion.predict(tracks.states, tracks.covariances)
-    _, spread = motion.update(states, covariances, states[:, :2])
+    tracks = tracker.tracks
+    still = copy.deepcopy(tracker)
+    still.follow(np.array([[*tracks.states[0, :2], 0.2, 0.0, 0.0]]))
     # a velocity that chance makes once in a thousand times, and a sight that confirms it
-    tracks.states[0, 2] = share * math.sqrt(-2.0 * math.log(1e-3) * spread[0, 2, 2])
-    moved, _ = motion.predict(tracks.states, tracks.covariances)
+    variance = still.tracks.covariances[0, 2, 2]
+    tracks.rows[0, 2] = share * math.sqrt(-2.0 * math.log(1e-3) * variance)
+    moved, _ = kernel.follow(tracks.rows, *NOTHING, *tracker._follower.numbers)
     tracker.follow(np.array([[*moved[0, :2], 0.2, 0.0, 0.0]]))
     assert bool(tracker.tracks.moving[0]) is moves
 
@@ -74,10 +84,9 @@ def test_who_is_hidden_is_expected_for_a_second_and_a_half() -> None:
 
 
 def test_who_was_seen_to_move_grows_by_three_standard_deviations_of_his_velocity() -> None:
-    watch, state = MotionWatch(DT, TrackerOptions(), 0.15, 0.6, 0.15), GivenCircles()
+    watch, state = Tracking(kl.NavigationProblem(), kl.ControllerOptions()), TrackedCircles()
     for k in range(12):
-        seen = watch.see(state, things_of(np.array([[0.08 * k, 1.0, 0.2, 0.0, 0.0]])))
-    assert state.tracks is not None
+        seen = watch.see(state, things_of(np.array([[0.08 * k, 1.0, 0.2, 0.0, 0.0]]))).things
     assert seen[0, SPREAD_RATE] == pytest.approx(3.0 * state.tracks.velocity_deviations[0])
 
 
@@ -138,7 +147,7 @@ def walking(velocity: tuple[float, float], times: int, radius: float) -> int:
 @pytest.mark.parametrize(("speed", "walks"), [(0.76, 0), (0.84, 1)])
 def test_somebody_moves_by_half_of_his_radius_in_a_second(speed: float, walks: int) -> None:
     tracker = walked(speed, 40, radius=1.6)
-    tracker.tracks.walked[:] = 0.9  # seen to leave his place, just so, and hidden now
+    tracker.tracks.rows[:, WALKED] = 0.9  # seen to leave his place, just so, and hidden now
     assert len(tracker.see(scan(np.full(41, np.inf), 0.01), np.zeros(3))) == walks
 
 

@@ -122,7 +122,7 @@ def outlook(
     count: int, begin: float, step: float, **more: object
 ) -> tuple[float, float, float, float] | None:
     scan = kl.LaserScan(np.ones(count), begin, step, 4.0, **more)  # type: ignore[arg-type]
-    return outlook_of(scan, 1.0)
+    return outlook_of(scan)
 
 
 def test_a_scanner_looks_where_its_beams_point() -> None:

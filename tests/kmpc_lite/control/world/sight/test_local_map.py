@@ -200,7 +200,7 @@ def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: b
         poses = np.array([1.0, 2.0, random.uniform(-3.0, 3.0)])
         if old:
             poses = poses + np.linspace(-0.1, 0.0, len(ranges))[:, None] * (1.0, 1.0, 0.5)
-        rays = Rays(one, poses, 1.0, cell)
+        rays = Rays(one, poses, cell)
         places = random.uniform((-4.0, -3.0), (6.0, 7.0), (20_000, 2))
         passed = places[rays.passed(*places.T)]
         assert len(passed)
