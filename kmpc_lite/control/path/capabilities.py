@@ -27,6 +27,9 @@ through a passage is better than a long detour."""
 LEAST_SPEED_SHARE = 0.05
 """The robot is believed to reach at least this share of each command bound: a model may not know
 what its log never showed, and paths must end."""
+ONE_SIDED = 0.2
+"""A robot that turns to one side by less than this share of its turn rate to the other is planned
+for by its own motions."""
 
 ROUNDING = 1e-6
 """Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
@@ -106,6 +109,15 @@ def capabilities(
         # a delay that the model does not know is part of the pose's age
         feedback_delay(model) if model.history else 0,
     )
+
+
+def follows_poses(problem: NavigationProblem) -> bool:
+    """Whether paths are driven pose by pose, not as lines between turns on the spot.
+
+    A robot that hardly turns to one side cannot correct what it has turned too far.
+    """
+    slower, faster = sorted((-float(problem.u_min[-1]), float(problem.u_max[-1])))
+    return problem.wheels.follows_poses or slower < ONE_SIDED * faster
 
 
 def _wheels(problem: NavigationProblem, turn_rate: float) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from kmpc_lite.control.options import (
     lengths_from_radii,
     unit_length,
 )
-from kmpc_lite.control.path.capabilities import Capabilities
+from kmpc_lite.control.path.capabilities import Capabilities, follows_poses
 from kmpc_lite.control.path.field.field_planner import FieldPlanner
 from kmpc_lite.control.path.goal_checker import GoalTolerances, content_with, holds
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
@@ -93,7 +93,7 @@ class Guide:
         self._body = problem.inflation
         arms = 0.0 if problem.footprint is None else problem.footprint.reach
         self._swept = problem.body_radius + arms
-        self._by_poses = problem.wheels.follows_poses
+        self._by_poses = follows_poses(problem)
         if planner is None and self._by_poses:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.planner import NEAR_GOAL, Planner, same_solids
 from kmpc_lite.control.path.search_driver import SearchDriver
 from kmpc_lite.control.path.situation import Situation
@@ -76,7 +77,7 @@ class Replanner:
         planner: Planner,
     ) -> None:
         self._options, self._dt = options, problem.dt
-        self._off_poses = OFF_POSES if problem.wheels.follows_poses else 0.0
+        self._off_poses = OFF_POSES if follows_poses(problem) else 0.0
         self._watch = PathWatch(problem, options)
         moved = MOVED_DISTANCE
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy

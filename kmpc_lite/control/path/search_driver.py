@@ -12,6 +12,7 @@ import numpy as np
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.lattice_path import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.situation import Situation
@@ -64,7 +65,7 @@ class SearchDriver:
         planner: Planner,
     ) -> None:
         self._options, self._clock = options, clock
-        self._dt, self._by_poses = problem.dt, problem.wheels.follows_poses
+        self._dt, self._by_poses = problem.dt, follows_poses(problem)
         self._turning = problem.robot_radius + problem.margin
         self._area = np.stack([problem.x_min[:2], problem.x_max[:2]])
         self._inflation, self._is_round = problem.inflation, problem.footprint is None

@@ -62,20 +62,20 @@ class FieldPlanner:
     Parameters
     ----------
     problem : NavigationProblem
-        Radius, margin, and an omni's fastest speed sideways.
+        Radius, margin, and how fast it turns to either side or an omni drives sideways.
     wheels : Differential, Car or Omni
         In the problem's units.
     """
 
     def __init__(self, problem: NavigationProblem, wheels: Wheels) -> None:
         self._wheels, self._radius = wheels, problem.body_radius
-        self._margin, self._sideways = problem.margin, float(problem.u_max[1])
+        self._problem, self._margin = problem, problem.margin
         self._found: Path | str | None = None
 
     def begin(self, request: PathRequest) -> None:
         """Begin a search."""
         self._request, self._found = request, None
-        self._motions: Motions = motions_of(self._wheels, request, self._sideways)
+        self._motions: Motions = motions_of(self._problem, self._wheels, request)
         self._clearance = OutlineClearance(request, self._margin)
         speed = float(request.forward[0])
         self._gear_price = max(GEAR_PRICE * self._radius / speed, request.gear_time)

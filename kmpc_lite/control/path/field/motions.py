@@ -14,6 +14,7 @@ import numpy as np
 from kmpc_lite.control.kernels.reeds_shepp import TURNS, curves
 from kmpc_lite.control.kernels.twists import seen_from, straight_twist
 from kmpc_lite.control.path.planner import PathRequest
+from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car, Omni, Wheels
 from kmpc_lite.types import Array
 
@@ -28,6 +29,8 @@ LEG = 3.0
 driven in a hurry is driven badly."""
 CURVATURES = np.array((-1.0, -0.5, 0.0, 0.5, 1.0))
 """Of the arcs by which a car's tree grows, as shares of the largest one."""
+TURN_SHARE = 0.9
+"""Of the fastest turn rate to a side: the rest is left for corrections."""
 FULL = 2.0 * math.pi
 
 
@@ -160,17 +163,17 @@ class OmniMotions:
 
 
 class DifferentialMotions:
-    """Straights, arcs, and turning on the spot; a turn, a line in either gear, and a turn."""
+    """Straights, arcs, and turning on the spot; a turn, a line in either gear, and a turn.
 
-    def __init__(self, request: PathRequest) -> None:
-        self._forward, self._backward = request.forward, request.backward
-        ahead, rate = request.forward.tolist()
-        back = float(self._backward[0])
-        moves = [(ahead, 0.0, 0.0), (0.0, 0.0, rate), (0.0, 0.0, -rate)]
-        moves += [(ahead, 0.0, rate), (ahead, 0.0, -rate)]
-        if back > 0.0:
-            moves += [(-back, 0.0, 0.0), (-back, 0.0, rate), (-back, 0.0, -rate)]
-        self.twists: Array = np.array(moves)
+    Of a robot that hardly turns to one side, or not at all: it goes round by the other one.
+    """
+
+    def __init__(self, request: PathRequest, rates: tuple[float, float]) -> None:
+        self._speeds, self._rates = (float(request.forward[0]), float(request.backward[0])), rates
+        turns = [sign * rate for sign, rate in zip((1.0, -1.0), rates, strict=True) if rate > 0.0]
+        drives = [gear * v for gear, v in zip((1.0, -1.0), self._speeds, strict=True) if v > 0.0]
+        moves = [(speed, 0.0, turn) for speed in (*drives, 0.0) for turn in (0.0, *turns)]
+        self.twists: Array = np.array([move for move in moves if any(move)])
         self.gears: Array = np.sign(self.twists[:, 0])
         self.turn = FULL / 16
 
@@ -183,25 +186,35 @@ class DifferentialMotions:
         seen = seen_from(start, ends)
         x, y, turn = seen.T
         far, course = np.hypot(x, y), np.arctan2(y, x)
-        rate = float(self._forward[1])
         ways, times = [], []
-        for gear, speed in ((1.0, self._forward[0]), (-1.0, self._backward[0])):
-            first = course if gear > 0.0 else course + math.pi
-            first = np.where(far > TINY, first, 0.0)
-            first, last = (a - FULL * np.round(a / FULL) for a in (first, turn - first))
-            zero = np.zeros_like(x)
-            spin = [np.stack([zero, zero, np.copysign(rate, a)], axis=1) for a in (first, last)]
-            line = np.stack([zero + gear * max(speed, TINY), zero, zero], axis=1)
-            ways.append(np.stack([spin[0], line, spin[1]], axis=1))
-            lasts = far / speed if speed > 0.0 else np.full_like(far, np.inf)
-            times.append(np.stack([np.abs(first) / rate, lasts, np.abs(last) / rate], axis=1))
+        for behind, gear, speed in zip((0.0, math.pi), (1.0, -1.0), self._speeds, strict=True):
+            first = np.where(far > TINY, course + behind, 0.0)
+            spins, lasts = zip(*(self._turn(angle) for angle in (first, turn - first)), strict=True)
+            line = np.zeros((len(far), 3))
+            line[:, 0] = gear * max(speed, TINY)
+            ways.append(np.stack([spins[0], line, spins[1]], axis=1))
+            drive = far / speed if speed > 0.0 else np.full_like(far, np.inf)
+            times.append(np.stack([lasts[0], drive, lasts[1]], axis=1))
         return np.stack(ways, axis=1), np.stack(times, axis=1)
 
+    def _turn(self, angle: Array) -> tuple[Array, Array]:
+        """Twists (n, 3) and times (n,) of turns by angles (n,): to the side that is quicker."""
+        # next to a whole turn is the rounding of none
+        times = [
+            (np.mod(sign * angle + TINY, FULL) - TINY).clip(0.0) / max(rate, TINY)
+            for sign, rate in zip((1.0, -1.0), self._rates, strict=True)
+        ]
+        left = times[0] <= times[1]
+        twists = np.zeros((len(angle), 3))
+        twists[:, 2] = np.where(left, self._rates[0], -self._rates[1])
+        return twists, np.where(left, *times)
 
-def motions_of(wheels: Wheels, request: PathRequest, sideways: float) -> Motions:
-    """Motions of wheels at the speeds of a request; an omni's fastest sideways [m/s]."""
+
+def motions_of(problem: NavigationProblem, wheels: Wheels, request: PathRequest) -> Motions:
+    """Motions of wheels at the speeds of a request; turns to either side by a problem's bounds."""
     if isinstance(wheels, Car):
         return CarMotions(wheels, request)
     if isinstance(wheels, Omni):
-        return OmniMotions(request, sideways)
-    return DifferentialMotions(request)
+        return OmniMotions(request, float(problem.u_max[1]))
+    left, right = float(problem.u_max[-1]), -float(problem.u_min[-1])
+    return DifferentialMotions(request, (TURN_SHARE * left, TURN_SHARE * right))

@@ -32,6 +32,8 @@ class OutlineClearance:
 
     def __init__(self, request: PathRequest, margin: float) -> None:
         self._request, self._outline = request, request.outline
+        if request.centre is not None:
+            self._outline = self._outline - (*request.centre, 0.0)
         self._least, self._kept = margin, 0.0
         ends = np.stack([request.start, request.goal])
         self._ends = ends[:, :2]

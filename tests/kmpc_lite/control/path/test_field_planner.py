@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.field.field_planner import NO_ROOM, NO_WAY, FieldPlanner
 from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.wheels import Car, Differential, Omni
@@ -142,3 +143,17 @@ def test_slices_of_any_length_give_the_same_path():
 def test_a_robot_that_stands_too_near_gets_out():
     path = search(CAR, request((-0.9, 0.3, 0.0), (-1.5, -1.5, 0.0), [(-0.5, 0.3, 0.3)]))
     assert isinstance(path, Path)
+
+
+@pytest.mark.parametrize("least", [0.0, -0.1])
+def test_a_robot_that_hardly_turns_right_goes_round_by_the_left(least: float) -> None:
+    problem = kl.NavigationProblem(u_min=(-0.6, least), u_max=(0.6, 2.0))
+    assert follows_poses(problem) and not follows_poses(PROBLEM)
+    path = search(Differential(), request((-1.0, 0.0, 0.0), (-1.0, -1.0, -1.5)), problem)
+    turns = np.diff(path.poses[:, 2])
+    assert np.allclose(path.poses[-1, :2], (-1.0, -1.0))
+    assert np.isclose(np.cos(path.poses[-1, 2] + 1.5), 1.0)
+    # on the way to the right it would turn by -1.5: to the left that is nearly a whole turn
+    assert turns[turns > 0.0].sum() > 4.0 and turns[turns < 0.0].sum() > -0.2
+    rates = turns / np.diff(path.times)
+    assert rates.max() <= 0.9 * 2.0 + 1e-9 and rates.min() >= 0.9 * least - 1e-9
