@@ -8,10 +8,10 @@ export OPENBLAS_NUM_THREADS := 1
 export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long outcomes budgets coverage check docs format study clean constraints
+.PHONY: help demo test test-long test-firmware outcomes budgets coverage check docs format study clean constraints
 
 help:  ## show what can be made
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-13s %s\n", $$1, $$2}'
 
 $(VENV)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "python3 >= 3.11 is needed, $$($(PYTHON) --version) was found: make PYTHON=python3.12"; exit 2; }
@@ -55,6 +55,9 @@ coverage: $(VENV)/dev  ## the same tests, and which lines none of them runs
 
 test-long: $(VENV)/dev  ## the tests that take minutes
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+test-firmware: $(VENV)/demo  ## exported controllers on this machine, aarch64 and Cortex-M in QEMU: vectors, memory, instructions a step
+	@$(BIN)/python .ci/firmware.py
 
 outcomes: $(VENV)/dev  ## every outcome drive with ten seeds: contacts, arrivals, times (half an hour)
 	PYTHONPATH=.:lab:tests $(BIN)/python -m outcomes check --seeds 10 $(ARGS)

@@ -197,7 +197,7 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
             real command[2] = {robot->rest[0][0], robot->rest[0][1]};
             if (K.limits_changes)
                 kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
-            for (int k = 0; k < KMPC_N && k < robot->resting; k++)
+            for (int k = 0; k < KMPC_N && k < KMPC_T && k < robot->resting; k++)
                 for (int i = 0; i < 2; i++)
                     inputs[2 * k + i] = k ? robot->rest[k][i] : command[i];
             for (int k = 0; k <= KMPC_N; k++)
