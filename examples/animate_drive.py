@@ -21,8 +21,7 @@ from matplotlib.patches import Circle, Polygon
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lab import Run, drive
-from kmpc_lite.scenario.files import Scenario
+from kmpc_lab import Run, Scenario, drive
 
 OUTPUT = Path("out") / "drive.gif"
 FRAMES_PER_SECOND = 15

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lab.peers.ipopt import IpoptController
-from kmpc_lite.scenario.files import Scenario
+from kmpc_lab import IpoptController, Scenario
 
 PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
 

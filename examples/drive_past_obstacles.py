@@ -11,9 +11,7 @@ from pathlib import Path
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lab import drive
-from kmpc_lab.report import write_pictures
-from kmpc_lite.scenario.files import Scenario
+from kmpc_lab import Scenario, drive, write_pictures
 
 OUTPUT = Path("out") / "figures"
 

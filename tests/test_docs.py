@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import json
 import os
 import re
 import subprocess
@@ -36,7 +38,8 @@ from kmpc_lite.scenario.files import Scenario
 
 README = ROOT / "README.md"
 RESULTS = [page for page in sorted((DOCS / "results").glob("*.md")) if page.name != "index.md"]
-EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+GALLERY = [p for p in sorted((ROOT / "examples" / "gallery").glob("*.py")) if p.stem != "drawing"]
+EXAMPLES = [*sorted((ROOT / "examples").glob("*.py")), *GALLERY]
 SLOW = ("animate_drive",)
 """Examples that draw for long."""
 PROGRAMS = ("kmpc", "kmpc-bridge")
@@ -249,5 +252,26 @@ def test_the_comparison_without_casadi_says_so_and_ends_well(tmp_path: Path) -> 
     assert "pip install" in done.stdout and done.stderr == ""
 
 
-def test_there_are_examples() -> None:
-    assert len(EXAMPLES) >= 3
+def test_what_examples_import_of_the_project_is_public() -> None:
+    notebook = json.loads(read(ROOT / "examples" / "learn_and_drive.ipynb"))
+    cells = ("".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code")
+    files = sorted((ROOT / "examples").rglob("*.py"))
+    programs = [*map(read, files), *cells]
+    imported = {
+        f"{node.module}.{name.name}" if isinstance(node, ast.ImportFrom) else name.name
+        for program in programs
+        for node in ast.walk(ast.parse(program))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in node.names
+    }
+    ours = {name for name in imported if name.startswith(("kmpc_", "firmware_bridge"))}
+    names = {f"{package.__name__}.{name}" for package in (kl, lab) for name in package.__all__}
+    assert "kmpc_lite" in ours and ours <= {"kmpc_lite", "kmpc_lab", *names}
+
+
+def test_the_gallery_shows_every_example_of_its_folder() -> None:
+    page = read(DOCS / "gallery.md")
+    assert len(GALLERY) == 6
+    for example in GALLERY:
+        assert f"<!-- example: gallery/{example.stem} -->" in page
+        assert f"](gallery/{example.stem}.png)" in page

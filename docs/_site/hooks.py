@@ -1,7 +1,8 @@
-"""What the site prints from the code: help texts of commands, and the purpose of each file.
+"""What the site prints from the code: help of commands, purposes of files, and examples.
 
 mkdocs calls `on_page_markdown` for every page. A page asks with a comment of its own line:
-``<!-- help: kmpc -->`` or ``<!-- files: kmpc_lite -->``. Mermaid blocks become SVG, so that
+``<!-- help: kmpc -->``, ``<!-- files: kmpc_lite -->``
+or ``<!-- example: gallery/car -->``. Mermaid blocks become SVG, so that
 the site needs no network; GitHub draws them by itself. Sections between ``<!-- tabs -->`` and
 ``<!-- /tabs -->`` become tabs; GitHub shows them one below the other.
 """
@@ -23,7 +24,7 @@ from state_diagram import draw
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {"kmpc": "kmpc_lite.cli.main"}
-MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
+MARK = re.compile(r"^<!-- (help|files|example): ([\w/-]+) -->$", re.MULTILINE)
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TABS = re.compile(r"^<!-- tabs -->$(.*?)^<!-- /tabs -->$", re.MULTILINE | re.DOTALL)
 SECTION = re.compile(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -36,7 +37,10 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     markdown = MERMAID.sub(lambda block: draw(block[1]), markdown)
     markdown = TABS.sub(lambda tabs: SECTION.sub(r"/// tab | \1\n\2///\n\n", tabs[1]), markdown)
     return MARK.sub(
-        lambda mark: {"help": help_texts, "files": file_table}[mark[1]](mark[2]), markdown
+        lambda mark: {"help": help_texts, "files": file_table, "example": program}[mark[1]](
+            mark[2]
+        ),
+        markdown,
     )
 
 
@@ -89,6 +93,12 @@ def help_texts(program: str) -> str:
 def title(group: str) -> str:
     """Give the heading of a group of options."""
     return group.partition(":\n")[0]
+
+
+def program(name: str) -> str:
+    """Give an example's program, folded."""
+    code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
+    return f"/// details | examples/{name}.py\n\n```python\n{code}```\n\n///\n"
 
 
 def file_table(package: str) -> str:

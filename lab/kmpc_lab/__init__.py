@@ -7,9 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kmpc_lab.peers.ipopt import IpoptController
     from kmpc_lab.recording.drive_file import load_drive
     from kmpc_lab.report.html import write_report
+    from kmpc_lab.report.pictures.files import write_pictures
     from kmpc_lab.sim.closed_loop import Outcome, Run, drive
+    from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
     from kmpc_lab.sim.plants.learned import LearnedPlant
     from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
     from kmpc_lite.scenario.files import Scenario
@@ -18,18 +21,25 @@ __version__ = "0.2.0"
 
 __all__ = [
     "DifferentialDrive",
+    "IpoptController",
+    "LaggingDrive",
     "LearnedPlant",
     "Outcome",
     "Run",
     "Scenario",
     "drive",
+    "drive_log",
     "generate_dataset",
     "load_drive",
+    "write_pictures",
     "write_report",
 ]
 
 _WHERE = {
     "DifferentialDrive": "kmpc_lab.sim.plants.robots",
+    "IpoptController": "kmpc_lab.peers.ipopt",
+    "LaggingDrive": "kmpc_lab.sim.plants.lag",
+    "drive_log": "kmpc_lab.sim.plants.lag",
     "LearnedPlant": "kmpc_lab.sim.plants.learned",
     "Outcome": "kmpc_lab.sim.closed_loop",
     "Run": "kmpc_lab.sim.closed_loop",
@@ -37,6 +47,7 @@ _WHERE = {
     "drive": "kmpc_lab.sim.closed_loop",
     "generate_dataset": "kmpc_lab.sim.plants.robots",
     "load_drive": "kmpc_lab.recording.drive_file",
+    "write_pictures": "kmpc_lab.report.pictures.files",
     "write_report": "kmpc_lab.report.html",
 }
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 CONDITIONS = {
     "exact": "as in Gazebo: 2 mm, 0.1 degrees, ranges 1 mm",
     "noisy": "1 cm, 0.5 degrees, ranges 1 cm",
-    "late": "exact, but 50 ms of age that no driver knows of, and odometry that drifts by 15 mm a metre",
+    "late": "exact, but 50 ms old without a driver knowing it; odometry drifts by 15 mm a metre",
 }
 """How well poses and ranges are measured; `kmpc_lab.studies.clutter.drives` has the same."""
 DRIVERS = "ours", "dwa", "pursuit"
