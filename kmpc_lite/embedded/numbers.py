@@ -79,7 +79,7 @@ def sizes_of(controller: Controller, qp: NavigationQP) -> dict[str, int]:
         "KMPC_ROWS": qp.row_count,
         "KMPC_VARIABLES": qp.size,
         "KMPC_ENTRIES": qp.A.nnz,
-        "KMPC_WRITTEN": len(qp.places),
+        "KMPC_WRITTEN": len(qp.numbers.places),
         "KMPC_SLOTS_USED": qp.slots,
         "KMPC_SLACK_ROW": int(qp.slack_rows[0]),
         "KMPC_CHANGE_ROW": int(qp.change_rows.ravel()[0]) if qp.change_rows.size else 0,
@@ -89,7 +89,7 @@ def sizes_of(controller: Controller, qp: NavigationQP) -> dict[str, int]:
 def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
     """Numbers of `struct kmpc_numbers`, by their names there."""
     units, scale, options = controller.units, controller.scale, controller.options
-    qp, keep_out, rates = sqp.qp, sqp.keep_out, RateLimit(units)
+    qp, keep_out, rates = sqp.qp, sqp.fill.keep_out, RateLimit(units)
     motions = SafeMotions(units, options.stop)
     checks = Verification(units, options.step, motions)
     return {
@@ -124,7 +124,7 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "half_plane_scale": HALF_PLANE_SCALE,
         "open": OPEN,
         "rho": options.solver.real_time.rho,
-        "places": qp.places,
+        "places": qp.numbers.places,
         "entries": qp.A.data,
         "lower": qp.lower,
         "upper": qp.upper,

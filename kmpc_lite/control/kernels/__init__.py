@@ -15,11 +15,9 @@ from kmpc_lite.control.kernels import (
     clearance,
     clusters,
     fill,
-    half_planes,
     safe_motion,
     stop_errors,
     tracks,
-    tube,
 )
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
@@ -32,11 +30,8 @@ class Kernels:
     compiled: bool
     """Whether they run in C."""
     distances_of_motions: Callable[[Array, Array, Array], Array]
-    distances_and_directions: Callable[[Array, Array, Array], tuple[Array, Array]]
     box_distances: Callable[[Array, Array, Array], Array]
     nearest_boxes: Callable[[Array, Array, Array, float, int], tuple[Array, Array, Array]]
-    tube_margins: Callable[..., Array]
-    nearest_half_planes: Callable[[Array, Array, Array, int], tuple[Array, Array]]
     fill: Callable[..., None]
     stop_errors: Callable[..., Array]
     samples: Callable[[Array, int], Array]
@@ -56,11 +51,8 @@ class Kernels:
 NUMPY = Kernels(
     compiled=False,
     distances_of_motions=clearance.distances_of_motions,
-    distances_and_directions=clearance.distances_and_directions,
     box_distances=boxes.box_distances,
     nearest_boxes=boxes.nearest_boxes,
-    tube_margins=tube.tube_margins,
-    nearest_half_planes=half_planes.nearest_half_planes,
     fill=fill.fill,
     stop_errors=stop_errors.stop_errors,
     samples=safe_motion.samples,

@@ -11,12 +11,17 @@ import kmpc_lite.control.kernels._kernels as c
 from kmpc_lite.control.kernels.compiled_scan import clusters as clusters
 from kmpc_lite.control.kernels.compiled_scan import dense as _dense
 from kmpc_lite.control.kernels.compiled_scan import follow as follow
+from kmpc_lite.control.kernels.fill import Around, Iterate, Numbers, PlanMargins
+from kmpc_lite.control.kernels.half_planes import KeepOut
 from kmpc_lite.control.kernels.tube import Noise
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
 LARGEST_HORIZON = 50
 """Stages whose tube has room in C."""
+NOTHING = np.empty(0)
+NO_NOISE = Noise(NOTHING, NOTHING, NOTHING, NOTHING, 0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
 
 
 def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
@@ -25,14 +30,6 @@ def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
     out = np.empty((motions, len(times), places, len(things)))
     c.distances(_dense(things), _dense(points), _dense(times), out, motions, sampled, places)
     return out
-
-
-def distances_and_directions(things: Array, points: Array, times: Array) -> tuple[Array, Array]:
-    """As `clearance.distances_and_directions`."""
-    count = len(points), len(things)
-    distance, away = np.empty(count), np.empty((*count, 2))
-    c.distances_and_directions(_dense(things), _dense(points), _dense(times), distance, away)
-    return distance, away
 
 
 def box_distances(low: Array, high: Array, points: Array) -> Array:
@@ -54,92 +51,58 @@ def nearest_boxes(
     return chosen, distance, normals
 
 
-def tube_margins(
-    noise: Noise,
-    by_x: Array,
-    states: Array,
-    inputs: Array,
-    normals: Array,
-    path_clearance: Array,
-) -> Array:
-    """As `tube.tube_margins`."""
-    if len(inputs) > LARGEST_HORIZON:
-        from kmpc_lite.control.kernels import tube
-
-        return tube.tube_margins(noise, by_x, states, inputs, normals, path_clearance)
-    out = np.empty(normals.shape[:2])
-    if out.size:
-        c.tube_margins(
-            _dense(noise.white),
-            _dense(noise.lasting),
-            _dense(noise.pose),
-            _dense(noise.pose_by_speed),
-            _dense(by_x),
-            _dense(states),
-            _dense(inputs),
-            _dense(normals),
-            _dense(path_clearance),
-            out,
-            noise.delay,
-            noise.spreads,
-            normals.shape[2],
-            noise.quantile,
-            noise.headway_time,
-            noise.touch,
-            noise.reach,
-            noise.solver_margin,
-        )
-    return out
-
-
-def nearest_half_planes(
-    states: Array, clearances: Array, normals: Array, slots: int
-) -> tuple[Array, Array]:
-    """As `half_planes.nearest_half_planes`."""
-    stages, directions = len(clearances), normals.shape[2]
-    chosen, offsets = np.empty((stages, slots, directions)), np.empty((stages, slots))
-    dense = _dense(states), _dense(clearances), _dense(normals)
-    c.nearest_half_planes(*dense, chosen, offsets, directions)
-    return chosen, offsets
-
-
 def fill(
-    value: Array,
-    by_x: Array,
-    by_u: Array,
-    by_past: Array,
-    x: Array,
-    u: Array,
-    normals: Array,
-    offsets: Array,
-    places: Array,
-    entries: Array,
-    dynamics_lower: Array,
-    dynamics_upper: Array,
-    half_plane_lower: Array,
-    scale: float,
-    open_bound: float,
+    keep: KeepOut,
+    margins: PlanMargins | None,
+    numbers: Numbers,
+    lin: Linearization,
+    plan: Iterate,
+    around: Around,
 ) -> None:
     """As `fill.fill`."""
+    stages, places = len(plan.inputs), len(around.points) // len(plan.inputs)
+    if margins is not None and stages > LARGEST_HORIZON:
+        from kmpc_lite.control.kernels import fill as numpy
+
+        numpy.fill(keep, margins, numbers, lin, plan, around)
+        return
+    kinds = around.gaps.size // stages + places * len(around.things) + len(keep.side_offsets) + 1
+    per_stage = kinds * (2 + keep.directions) + keep.slots * (1 + keep.directions)
+    *noise, delay, quantile, headway, touch, reach, solver_margin, spreads = (
+        NO_NOISE if margins is None else margins.noise
+    )
+    widest, far, side, path = (0.0, 0.0, 0.0, NOTHING) if margins is None else margins[1:]
+    *arrays, scale, open_bound = numbers
     c.fill(
-        _dense(value),
-        _dense(by_x),
-        _dense(by_u),
-        _dense(by_past),
-        _dense(x),
-        _dense(u),
-        _dense(normals),
-        _dense(offsets),
+        *map(_dense, (*lin, *plan[:3], *around)),
+        keep.side_normals,
+        keep.side_offsets,
+        *arrays,
+        np.empty(stages * per_stage + 3 * (stages + 1)),
+        _dense(plan.speeds),
+        path,
+        *noise,
+        stages,
+        lin.B_past.shape[1],
+        keep.slots,
+        keep.directions,
         places,
-        entries,
-        dynamics_lower,
-        dynamics_upper,
-        half_plane_lower,
-        len(u),
-        by_past.shape[1],
-        normals.shape[2],
         scale,
         open_bound,
+        keep.distance,
+        keep.dt,
+        keep.range,
+        margins is not None,
+        delay,
+        spreads,
+        quantile,
+        headway,
+        touch,
+        reach,
+        solver_margin,
+        widest,
+        far,
+        side,
     )
 
 

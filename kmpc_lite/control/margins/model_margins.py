@@ -76,7 +76,7 @@ class Margins:
         options = MarginOptions() if options is None else options
         self.noise = ModelNoise(model, problem, options, adapted)
         self.expected_errors = self.noise.expected_errors
-        self.tightening = Tightening(self.noise, problem, options, kernels)
+        self.tightening = Tightening(self.noise, problem, options)
         self.stop_margins = StopMargins(self.noise, problem, kernels)
         self._model, self._horizon = model, problem.horizon
         self._directions = 2 if problem.footprint is None else 3

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels import NUMPY, Kernels, tube
+from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.margins.model_noise import (
     SOLVER_MARGIN,
     InflatedNoise,
@@ -69,8 +69,6 @@ class Tightening:
         Robot radius, margin and command bounds.
     options : MarginOptions
         Headway, and what is added to every margin.
-    kernels : Kernels
-        Compute them.
 
     Attributes
     ----------
@@ -87,12 +85,11 @@ class Tightening:
         noise: ModelNoise,
         problem: NavigationProblem,
         options: MarginOptions,
-        kernels: Kernels = NUMPY,
     ) -> None:
         footprint = problem.footprint
         self._reach = 0.0 if footprint is None else footprint.reach
         """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
-        self._noise, self._kernels = noise, kernels
+        self._noise = noise
         unit = unit_length(problem)
         self._solver_margin = SOLVER_MARGIN * unit
         self.side_margin = options.side_margin * unit
@@ -176,7 +173,7 @@ class Tightening:
             (N, S) [m].
         """
         kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
-        return self._kernels.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
+        return tube.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
 
     def covariances(
         self, felt: FeltNoise, lin: Linearization, states: Array, inputs: Array

@@ -1,85 +1,89 @@
-"""From a linearisation to the numbers of the QP: half-planes with their margins, and the cost."""
+"""From a pass's task and its linearisation to the numbers of its QP."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
 
 import numpy as np
 
+from kmpc_lite.control.footprint import places_of
+from kmpc_lite.control.kernels import Kernels
+from kmpc_lite.control.kernels.fill import Around, Iterate, PlanMargins
+from kmpc_lite.control.kernels.half_planes import KeepOut
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.task import Task
-from kmpc_lite.control.world.half_planes import Clearances, KeepOut
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import Array
 
 
-class Filled(NamedTuple):
-    """What the filled QP starts from, and what was seen on the way."""
+def keep_out(problem: NavigationProblem, slots: int) -> KeepOut:
+    """What a robot's outline stays out of: obstacles, and the outside of the area.
 
-    origin: Array
-    """(3,) around which the QP is solved, so that its relative tolerance does not depend on where
-    the map has its origin."""
-    local: Array
-    """(N + 1, 3) states of the guess around it."""
-    violation: Array
-    """(N,) of the half-planes by the guess [m]."""
+    Obstacles are grown by the radius of the outline's circles and the problem's margin.
+    """
+    _, _, x_min, x_max = problem.bounds
+    sides = [
+        (axis, sign, sign * bound)
+        for axis in (0, 1)
+        for sign, bound in ((1.0, x_min[axis]), (-1.0, x_max[axis]))
+        if np.isfinite(bound)
+    ]
+    normals = np.zeros((len(sides), 2))
+    for row, (axis, sign, _) in zip(normals, sides, strict=True):
+        row[axis] = sign
+    return KeepOut(
+        distance=float(problem.body_radius + problem.margin),
+        dt=problem.dt,
+        range=math.inf if problem.sensor_range is None else problem.sensor_range,
+        side_normals=normals,
+        side_offsets=np.array([offset for _, _, offset in sides]),
+        directions=2 if problem.footprint is None else 3,
+        slots=slots,
+    )
 
 
-def fill_qp(
-    qp: NavigationQP,
-    keep_out: KeepOut,
-    task: Task,
-    lin: Linearization,
-    states: Array,
-    inputs: Array,
-) -> Filled:
-    """Write the QP of a pass: dynamics, half-planes and cost, around the robot.
+class FillQP:
+    """Writes the QP of a pass: dynamics, half-planes and cost, around the robot.
 
     Parameters
     ----------
-    qp : NavigationQP
-        Written to.
-    keep_out : KeepOut
-        Finds the half-planes.
-    task : Task
-        Reference, obstacles and margins.
-    lin : Linearization
-        At the guess.
-    states, inputs : ndarray
-        The guess: (N + 1, 3), (N, 2).
+    problem : NavigationProblem
+        Bounds, outline, margin.
+    slots : int
+        Half-planes per stage.
+    kernels : Kernels
+        Compute.
     """
-    found = keep_out.clearances(states, task.things, task.solids)
-    clearances = found.values
-    if task.tightening is not None:
-        clearances -= _margins(task, lin, states, inputs, found)
-    violation = np.maximum(-clearances.min(axis=1, initial=0.0), 0.0)
-    origin = states[0] * (1.0, 1.0, 0.0)
-    local = states - origin
-    normals, offsets = keep_out.half_planes(local, clearances, found.normals)
-    centred = lin._replace(value=lin.value - origin)
-    qp.fill(centred, local, inputs, task.reference - origin, normals, offsets)
-    return Filled(origin, local, violation)
 
+    def __init__(self, problem: NavigationProblem, slots: int, kernels: Kernels) -> None:
+        self.keep_out = keep_out(problem, slots)
+        self._footprint, self._kernels = problem.footprint, kernels
+        circles = 1 if problem.footprint is None else len(problem.footprint.circles)
+        count = circles * problem.horizon
+        self._nothing = np.empty((count, 0)), np.empty((count, 0, 2))
 
-def _margins(
-    task: Task,
-    lin: Linearization,
-    states: Array,
-    inputs: Array,
-    found: Clearances,
-) -> Array:
-    """Margins (N, K) [m] of the obstacles, the first columns, and of the sides."""
-    tightening, felt, count = task.tightening, task.felt, found.obstacle_count
-    assert tightening is not None and felt is not None
-    margins = np.empty(found.values.shape)
-    margins.fill(tightening.side_margin)
-    if not count:
-        return margins
-    nearest = np.minimum.reduce(found.values[:, :count], axis=None)
-    if nearest < felt.widest + tightening.far_clearance:
-        margins[:, :count] = tightening.margins(
-            felt, lin, states, inputs, found.normals[:, :count], task.path_clearance
-        )
-    else:
-        margins[:, :count] = felt.widest
-    return margins
+    def __call__(
+        self, qp: NavigationQP, task: Task, lin: Linearization, states: Array, inputs: Array
+    ) -> None:
+        """Write the QP at a guess (N + 1, 3) and (N, m), linearised there."""
+        points = places_of(self._footprint, states[1:])
+        gaps, away = self._nothing
+        if task.solids is not None:
+            gaps, away = task.solids.measure(points, self._kernels)
+        margins, tightening, felt = None, task.tightening, task.felt
+        if tightening is not None and felt is not None:
+            path = task.path_clearance
+            margins = PlanMargins(
+                noise=felt.tube,
+                widest=felt.widest,
+                far_clearance=tightening.far_clearance,
+                side_margin=tightening.side_margin,
+                path_clearance=(
+                    np.full(len(inputs), path) if isinstance(path, float) else np.ravel(path)
+                ),
+            )
+        plan = Iterate(states, inputs, task.reference, speeds(inputs))
+        around = Around(task.things, points, gaps, away)
+        self._kernels.fill(self.keep_out, margins, qp.numbers, lin, plan, around)

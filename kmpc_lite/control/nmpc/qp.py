@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels.fill import Numbers
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car
-from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import STATES, Array
 
 OPEN = 1e3
@@ -60,24 +59,20 @@ class QPCost:
         self.P = sp.triu(sp.block_diag(blocks), format="csc")
         self.q = np.zeros(self.P.shape[0])
         self.q[(STATES + len(problem.u_min)) * n :] = linear
-        self._q_states = self.q[: STATES * n].reshape(n, STATES)
-        self.pull, self._pull_last = -q.toarray(), -q_terminal.toarray()
+        self.pull = np.ascontiguousarray(-q.toarray())
+        self._pull_last = np.ascontiguousarray(-q_terminal.toarray())
         # columns of the last state begin after those of the others
         first = self.P.indptr[STATES * (n - 1)]
         self._last = self.P.data[first : first + STATES * (STATES + 1) // 2]
         self._whole = q_terminal.toarray().T[np.tril_indices(STATES)]
-        self.terminal_share = -1.0
+        self.pull_terminal, self.terminal_share = np.empty((STATES, STATES)), -1.0
         self.set_terminal_share(1.0)
-
-    def pull_to(self, reference: Array) -> None:
-        """Write the reference (N + 1, 3) that states are drawn to."""
-        np.matmul(reference[1:-1], self.pull, out=self._q_states[:-1])
-        np.matmul(reference[-1], self.pull_terminal, out=self._q_states[-1])
 
     def set_terminal_share(self, share: float) -> None:
         """Write how much of the terminal weight counts, from 0 to 1."""
         if share != self.terminal_share:
-            self.terminal_share, self.pull_terminal = share, share * self._pull_last
+            self.terminal_share = share
+            np.multiply(share, self._pull_last, out=self.pull_terminal)
             self._last[:] = share * self._whole
 
 
@@ -92,13 +87,11 @@ class NavigationQP:
         Past commands that the model depends on, L.
     slots : int
         Half-plane rows per stage.
-    kernels : Kernels
-        Write its numbers.
 
     Attributes
     ----------
-    places : ndarray
-        Where the entries that a pass writes lie in those of A, in the order of `kernels.fill`.
+    numbers : Numbers
+        What a pass writes.
     next_stage : ndarray
         (m,) the row that each row is a period later.
     lost, fastest : float
@@ -106,10 +99,8 @@ class NavigationQP:
         largest number that a command may hold.
     """
 
-    def __init__(
-        self, problem: NavigationProblem, history: int, slots: int, kernels: Kernels = NUMPY
-    ) -> None:
-        self._arguments, self._kernels = (problem, history, slots, kernels), kernels
+    def __init__(self, problem: NavigationProblem, history: int, slots: int) -> None:
+        self._arguments = problem, history, slots
         n, self.inputs = problem.horizon, len(problem.u_min)
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
         self.lost, self.fastest = LOST * unit_length(problem), max(fastest(problem))
@@ -143,18 +134,26 @@ class NavigationQP:
             self.steering_rows,
         ):
             self.next_stage[part] = np.concatenate([part[1:], part[-1:]])
-        self._build_constraints()
+        places = self._build_constraints()
         self.cost = QPCost(problem)
         self.P, self.q = self.cost.P, self.cost.q
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
         self.lower[self.half_plane_rows] = -OPEN
-        u_min, u_max, _, _ = problem.bounds
-        self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
-        # what is written in every pass, without looking rows up
-        self._dynamics_lower = self.lower[: STATES * n].reshape(n, STATES)
-        self._dynamics_upper = self.upper[: STATES * n].reshape(n, STATES)
-        self._half_plane_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
+        self.lower[self.input_rows], self.upper[self.input_rows] = problem.u_min, problem.u_max
+        self.numbers = Numbers(
+            places=places,
+            entries=self.A.data,
+            dynamics_lower=self.lower[: STATES * n].reshape(n, STATES),
+            dynamics_upper=self.upper[: STATES * n].reshape(n, STATES),
+            half_plane_lower=self.lower[rows[1] : rows[2]].reshape(n, slots),
+            pull=self.q[: STATES * n].reshape(n, STATES),
+            start=np.zeros(self.size),
+            weight=self.cost.pull,
+            weight_terminal=self.cost.pull_terminal,
+            scale=HALF_PLANE_SCALE,
+            open_bound=OPEN,
+        )
         self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
         wheel_speed = problem.max_wheel_speed
@@ -165,7 +164,8 @@ class NavigationQP:
         # its arrays are views of each other, which copies would not be
         return type(self), self._arguments
 
-    def _build_constraints(self) -> None:
+    def _build_constraints(self) -> Array:
+        """Build A; return where what every pass writes lies in it, as `kernels.fill` wants it."""
         n, blocks = self.horizon, []
 
         def block(rows: Array, columns: Array, values: Array | float) -> int:
@@ -202,8 +202,8 @@ class NavigationQP:
         self.A = sp.csc_matrix(
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
         )
-        # what every pass writes, in the order of `kernels.fill`
-        self.places = place[a_start:end].astype(np.intc)
+        places: Array = place[a_start:end].astype(np.intc)
+        return places
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
@@ -222,55 +222,13 @@ class NavigationQP:
         rows[:, 1, 1] *= -1.0
         self.A.data[self._steering] = rows.ravel()
 
-    def fill(
-        self,
-        lin: Linearization,
-        x: Array,
-        u: Array,
-        reference: Array,
-        normals: Array,
-        offsets: Array,
-    ) -> None:
-        """Write one linearisation into the matrices.
-
-        Parameters
-        ----------
-        lin : Linearization
-            Of the model at states `x[:-1]` and commands `u`, N points.
-        x, u : ndarray
-            Where: states (N + 1, 3), the first being the present one, and commands (N, 2).
-        reference : ndarray
-            States (N + 1, 3).
-        normals, offsets : ndarray
-            Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
-            slots); (N, slots, 3) with the heading, of a robot with a footprint.
-        """
-        self._kernels.fill(
-            *lin,
-            x,
-            u,
-            normals,
-            offsets,
-            self.places,
-            self.A.data,
-            self._dynamics_lower,
-            self._dynamics_upper,
-            self._half_plane_lower,
-            HALF_PLANE_SCALE,
-            OPEN,
-        )
-        self.cost.pull_to(reference)
-
-    def pack(self, x: Array, u: Array, slack: Array) -> Array:
-        """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""
-        return np.concatenate([x[1:].ravel(), u.ravel(), slack])
-
-    def unpack(self, variables: Array, x_init: Array) -> tuple[Array, Array]:
-        """States (N + 1, 3) and commands (N, 2) from one vector of variables."""
+    def unpack(self, variables: Array, here: Array) -> tuple[Array, Array]:
+        """States (N + 1, 3) and commands (N, 2) of a solution around the present state (3,)."""
         n = self.horizon
         x = np.empty((n + 1, STATES))
-        x[0] = x_init
+        x[0] = here
         x[1:] = variables[: STATES * n].reshape(n, STATES)
+        x[1:, :2] += here[:2]
         return x, variables[STATES * n : (STATES + self.inputs) * n].reshape(n, self.inputs).copy()
 
     def duals_in_the_open(self) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver, choose_solver
-from kmpc_lite.control.nmpc.fill_qp import fill_qp
+from kmpc_lite.control.nmpc.fill_qp import FillQP
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.task import SQPResult, Task
@@ -32,7 +32,6 @@ from kmpc_lite.control.options import (
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.wheels import Car
-from kmpc_lite.control.world.half_planes import KeepOut
 from kmpc_lite.types import Array
 
 LEAST_SOLVE_TIME = 5e-5
@@ -112,7 +111,8 @@ class SQP:
         slots *= 1 if problem.footprint is None else 2  # at either end of what is not round
         penalties = problem.slack_weights * (EXACT_PENALTY if iterations > 1 else 1.0, 1.0)
         soft = replace(problem, slack_weights=penalties)
-        self.qp = NavigationQP(soft, history, slots, kernels)
+        self.qp = NavigationQP(soft, history, slots)
+        self.fill = FillQP(problem, slots, kernels)
         turns_far = problem.dt * fastest(problem)[1] > FAR_TURN
         settings = options.real_time
         if iterations > 1:
@@ -126,7 +126,6 @@ class SQP:
                 adaptive_rho_interval=longest,
             )
         self.workspace = choose_solver(solver, self.qp, settings)
-        self.keep_out = KeepOut(problem, slots, kernels)
         self.tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
         self._couples = problem.limits_wheels or not problem.wheels.turns_on_the_spot
         self._rates = RateLimit(problem)
@@ -195,7 +194,7 @@ class SQP:
         past = command_windows(qp.history, task.past, guess.inputs)
         lin = task.model.linearize(guess.states[:-1], guess.inputs, past)
         linearized = self.clock()
-        data = fill_qp(qp, self.keep_out, task, lin, guess.states, guess.inputs)
+        self.fill(qp, task, lin, guess.states, guess.inputs)
         filled = self.clock()
         limit = None
         if task.deadline < math.inf:
@@ -206,7 +205,7 @@ class SQP:
             qp.lower,
             qp.upper,
             qp.A.data,
-            qp.pack(data.local, guess.inputs, data.violation),
+            qp.numbers.start,
             guess.duals,
             Px=None if qp.cost.terminal_share == 1.0 else qp.P.data,
             time_limit=limit,
@@ -215,8 +214,7 @@ class SQP:
         run.passes += 1
         run.status, run.reason = solution.status, solution.reason
         if solution.status is not QPStatus.FAILED:
-            states, inputs = qp.unpack(solution.x, data.local[0])
-            states += data.origin
+            states, inputs = qp.unpack(solution.x, guess.states[0])
             found = Trajectory(states, self._in_bounds(inputs, task), solution.y)
             self._go(run, task, found, share)
         timing = run.timing

@@ -1,5 +1,5 @@
-"""What must not be touched: shapes, maps, distances, half-planes.
+"""What must not be touched: shapes, maps, distances.
 
-A polygon goes from `shapes` through `solids` (distances) and `half_planes` (one row of the QP for
-each stage) to `nmpc.fill_qp`, which adds the margins.
+A polygon goes from `shapes` through `solids` (distances) to `nmpc.fill_qp`, which adds the margins
+and makes half-planes of it, one row of the QP for each stage.
 """

@@ -47,66 +47,6 @@ real kmpc_clip(real value, real least, real most)
     return value < least ? least : value > most ? most : value;
 }
 
-/* Margins (N, things + sides) of what is given, taken off clearances. */
-static void take_off_margins(const struct kmpc_iterate *at, const real *by_x, int things,
-                             const real *normals, real *clearances)
-{
-    const int kinds = things + K.sides;
-    real margins[KMPC_N * KMPC_THINGS], of_things[2 * KMPC_N * KMPC_THINGS], path[KMPC_N];
-    real nearest = INFINITE;
-    for (int k = 0; k < KMPC_N; k++)
-        for (int i = 0; i < things; i++)
-            if (clearances[k * kinds + i] < nearest)
-                nearest = clearances[k * kinds + i];
-    const int near = things && nearest < L.widest + L.far_clearance;
-    if (near) {
-        const struct kmpc_noise noise = {
-            2,          L.delay,          L.white,  L.lasts ? L.lasting : NULL,
-            L.pose,     L.by_speed ? L.pose_by_speed : NULL,
-            L.quantile, L.headway_time,   K.distance, 0, L.solver_margin, L.spreads,
-        };
-        for (int k = 0; k < KMPC_N; k++) {
-            path[k] = INFINITE;
-            memcpy(of_things + 2 * k * things, normals + 2 * k * kinds,
-                   2 * (size_t)things * sizeof(real));
-        }
-        kmpc_tube_margins(&noise, KMPC_N, things, 2, by_x, at->states[0], at->inputs[0], of_things,
-                          path, margins);
-    }
-    for (int k = 0; k < KMPC_N; k++) {
-        for (int i = 0; i < things; i++)
-            clearances[k * kinds + i] -= near ? margins[k * things + i] : L.widest;
-        for (int i = 0; i < K.sides; i++)
-            clearances[k * kinds + things + i] -= L.side_margin;
-    }
-}
-
-/* Clearances and normals (N, things + sides) of stages 1 to N. */
-static void clearances_of(const struct kmpc_iterate *at, int things, const real *thing,
-                          real *clearances, real *normals)
-{
-    const int kinds = things + K.sides;
-    real distance[KMPC_THINGS], away[2 * KMPC_THINGS];
-    for (int k = 0; k < KMPC_N; k++) {
-        const real time = K.dt * (real)(k + 1), *p = at->states[k + 1];
-        kmpc_distances_and_directions(things, thing, 1, p, &time, distance, away);
-        for (int i = 0; i < things; i++) {
-            clearances[k * kinds + i] = distance[i] - K.distance;
-            normals[2 * (k * kinds + i)] = away[2 * i];
-            normals[2 * (k * kinds + i) + 1] = away[2 * i + 1];
-        }
-        for (int i = 0; i < K.sides; i++) {
-            const real *n = K.side_normal + 2 * i;
-            const real now = n[0] * at->states[0][0] + n[1] * at->states[0][1];
-            /* a robot that stands outside is asked to come back, at no obstacle's expense */
-            const real offset = K.side_offset[i] < now ? K.side_offset[i] : now;
-            clearances[k * kinds + things + i] = n[0] * p[0] + n[1] * p[1] - offset;
-            normals[2 * (k * kinds + things + i)] = n[0];
-            normals[2 * (k * kinds + things + i) + 1] = n[1];
-        }
-    }
-}
-
 /* Why OSQP must not be given these numbers; null if it may. */
 static const char *fault(void)
 {
@@ -129,43 +69,32 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
 {
     static real value[3 * KMPC_N], by_x[9 * KMPC_N], by_u[6 * KMPC_N];
     static real by_past[6 * KMPC_N * (KMPC_L > 0 ? KMPC_L : 1)];
-    static real clearances[KMPC_N * KMPC_MOST], normals[2 * KMPC_N * KMPC_MOST];
-    static real chosen[2 * KMPC_N * KMPC_SLOTS_USED], offsets[KMPC_N * KMPC_SLOTS_USED];
-    static real local[3 * (KMPC_N + 1)], start[KMPC_VARIABLES], duals[KMPC_ROWS];
+    static real points[2 * KMPC_N], path[KMPC_N], start[KMPC_VARIABLES], duals[KMPC_ROWS];
+    static real room[KMPC_N * (4 * KMPC_MOST + 3 * KMPC_SLOTS_USED) + 3 * (KMPC_N + 1)];
     const struct kmpc_layout size = {KMPC_N, 2, KMPC_L, KMPC_SLOTS_USED, 2, K.half_plane_scale,
                                      K.open};
-    const int kinds = things + K.sides, inputs = 3 * KMPC_N, slacks = 5 * KMPC_N;
+    const struct kmpc_keep_out keep = {
+        1,    things,        0,             K.sides,    2,    thing,    points,
+        NULL, NULL,          K.side_normal, K.side_offset, K.distance, K.dt, INFINITY,
+    };
+    const struct kmpc_plan_margins margins = {
+        {2, L.delay, L.white, L.lasts ? L.lasting : NULL, L.pose,
+         L.by_speed ? L.pose_by_speed : NULL, L.quantile, L.headway_time, K.distance, 0,
+         L.solver_margin, L.spreads},
+        at->inputs[0], path, L.widest, L.far_clearance, L.side_margin,
+    };
+    const struct kmpc_pass plan = {
+        at->states[0], at->inputs[0], reference, value, by_x, by_u, by_past, K.pull, K.pull_terminal,
+    };
+    const struct kmpc_qp qp = {K.places, entries, lower, upper, lower + 3 * KMPC_N, q, start};
+    const int inputs = 3 * KMPC_N;
     const real *origin = at->states[0];
     kmpc_model_linearize(at->states[0], window, KMPC_N, value, by_x, by_u, by_past);
-    clearances_of(at, things, thing, clearances, normals);
-    if (L.tightens)
-        take_off_margins(at, by_x, things, normals, clearances);
-    for (int k = 0; k <= KMPC_N; k++)
-        for (int i = 0; i < 3; i++)
-            local[3 * k + i] = at->states[k][i] - (i < 2 ? origin[i] : 0);
     for (int k = 0; k < KMPC_N; k++) {
-        real violation = 0;
-        for (int i = 0; i < kinds; i++)
-            if (-clearances[k * kinds + i] > violation)
-                violation = -clearances[k * kinds + i];
-        start[slacks + k] = violation;
-        for (int i = 0; i < 2; i++) {
-            value[3 * k + i] -= origin[i];
-            start[inputs + 2 * k + i] = at->inputs[k][i];
-        }
-        const real *weight = k + 1 < KMPC_N ? K.pull : K.pull_terminal;
-        for (int i = 0; i < 3; i++) {
-            real sum = 0;
-            for (int j = 0; j < 3; j++)
-                sum += (reference[3 * (k + 1) + j] - (j < 2 ? origin[j] : 0)) * weight[3 * j + i];
-            q[3 * k + i] = sum;
-            start[3 * k + i] = local[3 * (k + 1) + i];
-        }
+        memcpy(points + 2 * k, at->states[k + 1], 2 * sizeof(real));
+        path[k] = INFINITE;
     }
-    kmpc_nearest_half_planes(KMPC_N, kinds, KMPC_SLOTS_USED, 2, local, clearances, normals, chosen,
-                             offsets);
-    kmpc_fill(&size, value, by_x, by_u, by_past, local, at->inputs[0], chosen, offsets, K.places,
-              entries, lower, upper, lower + 3 * KMPC_N);
+    kmpc_fill(&size, &keep, L.tightens ? &margins : NULL, &plan, &qp, room);
     memcpy(duals, at->duals, sizeof(duals));
     const char *wrong = fault();
     if (wrong)

@@ -79,12 +79,26 @@ struct kmpc_noise {
     int spreads;             /* whether there is any noise in a plan */
 };
 
-void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, int directions,
-                       const real *by_x, const real *states, const real *inputs,
+void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, int row,
+                       int directions, const real *by_x, const real *states, const real *inputs,
                        const real *normals, const real *path_clearance, real *margins);
 
-/* ---- half_planes.c: the nearest few of a stage ----------------------------------------------- */
+/* ---- half_planes.c: what a plan must be kept out of, and the nearest few of a stage ---------- */
 
+struct kmpc_keep_out {
+    int places, things, solids, sides; /* circles of the outline; of the area */
+    int directions;                    /* 2, or 3 of a robot that is not round */
+    const real *thing;                 /* (things, 7) */
+    const real *points;                /* (stages, places, 2) middles of these circles */
+    const real *gaps, *away;           /* (stages, places, solids), and with directions (..., 2) */
+    const real *side_normal, *side_offset;
+    real distance, dt;                 /* radius with margin; period */
+    real range;                        /* how far from the robot all is known; infinite: always */
+};
+
+int kmpc_kinds(const struct kmpc_keep_out *keep); /* columns of the following */
+void kmpc_clearances(const struct kmpc_keep_out *keep, int stages, const real *states,
+                     real *clearances, real *normals);
 void kmpc_nearest_half_planes(int stages, int kinds, int slots, int directions, const real *states,
                               const real *clearances, const real *normals, real *chosen,
                               real *offsets);
@@ -96,10 +110,29 @@ struct kmpc_layout {
     real half_plane_scale, open;
 };
 
-void kmpc_fill(const struct kmpc_layout *size, const real *value, const real *by_x,
-               const real *by_u, const real *by_past, const real *x, const real *u,
-               const real *normals, const real *offsets, const int *places, real *entries,
-               real *dynamics_lower, real *dynamics_upper, real *half_plane_lower);
+struct kmpc_plan_margins {
+    struct kmpc_noise noise;
+    const real *speeds;          /* (stages, noise.inputs) */
+    const real *path_clearance;  /* (stages,) */
+    real widest, far_clearance, side_margin;
+};
+
+struct kmpc_pass { /* and what the model says of it */
+    const real *states, *inputs, *reference;
+    const real *value, *by_x, *by_u, *by_past;
+    const real *weight, *weight_terminal; /* (3, 3) by which references enter `pull` */
+};
+
+struct kmpc_qp { /* what is written */
+    const int *places;
+    real *entries, *dynamics_lower, *dynamics_upper, *half_plane_lower, *pull, *start;
+};
+
+/* Numbers that `room` holds. */
+long kmpc_fill_room(const struct kmpc_layout *size, int kinds);
+void kmpc_fill(const struct kmpc_layout *size, const struct kmpc_keep_out *keep,
+               const struct kmpc_plan_margins *margins, const struct kmpc_pass *plan,
+               const struct kmpc_qp *qp, real *room);
 
 /* ---- stop_errors.c: what errors of single periods add up to ---------------------------------- */
 

@@ -118,22 +118,6 @@ static PyObject *distances(PyObject *self, PyObject *args)
     return done(b, 4, fits);
 }
 
-static PyObject *distances_and_directions(PyObject *self, PyObject *args)
-{
-    Py_buffer b[5]; /* things, points, times, distance, away */
-    (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*w*w*", b, b + 1, b + 2, b + 3, b + 4))
-        return NULL;
-    const long things = reals(b) / KMPC_THING, count = reals(b + 2);
-    const int fits = holds(b, KMPC_THING * things) && holds(b + 1, 2 * count) &&
-                     holds(b + 2, count) && holds(b + 3, count * things) &&
-                     holds(b + 4, 2 * count * things);
-    if (fits)
-        kmpc_distances_and_directions((int)things, b[0].buf, (int)count, b[1].buf, b[2].buf,
-                                      b[3].buf, b[4].buf);
-    return done(b, 5, fits);
-}
-
 static PyObject *box_distances(PyObject *self, PyObject *args)
 {
     Py_buffer b[4]; /* low, high, points, least */
@@ -168,91 +152,101 @@ static PyObject *nearest_boxes(PyObject *self, PyObject *args)
     return done(b, 7, fits);
 }
 
-static PyObject *tube_margins(PyObject *self, PyObject *args)
+/* Whether the arrays of a pass have the sizes that go with each other. */
+static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
+                     const struct kmpc_keep_out *keep, int tightens)
 {
-    /* white, lasting, pose, pose by speed, by_x, states, inputs, normals, path clearance, margins */
-    Py_buffer b[10];
-    double quantile, headway_time, touch, reach, solver_margin;
-    int delay, spreads, directions;
-    (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*w*iiiddddd", b, b + 1, b + 2, b + 3, b + 4,
-                          b + 5, b + 6, b + 7, b + 8, b + 9, &delay, &spreads, &directions,
-                          &quantile, &headway_time, &touch, &reach, &solver_margin))
-        return NULL;
-    const long stages = reals(b + 8), m = stages ? reals(b + 6) / stages : 0;
-    const long columns = stages ? reals(b + 9) / stages : 0;
-    const int fits =
-        stages > 0 && stages <= KMPC_HORIZON && m > 0 && m <= KMPC_INPUTS &&
-        (directions == 2 || directions == 3) && delay >= 0 && holds(b, 9 * m) &&
-        (!b[1].len || holds(b + 1, 9 * m)) && holds(b + 2, 9) &&
-        (!b[3].len || holds(b + 3, 9)) && holds(b + 4, 9 * stages) &&
-        holds(b + 5, 3 * (stages + 1)) && holds(b + 6, m * stages) &&
-        holds(b + 7, stages * columns * directions) && holds(b + 9, stages * columns);
-    if (fits) {
-        const struct kmpc_noise noise = {
-            (int)m,           delay,    b[0].buf,     or_null(b + 1), b[2].buf, or_null(b + 3),
-            quantile, headway_time, touch,    reach,        solver_margin,  spreads,
-        };
-        kmpc_tube_margins(&noise, (int)stages, (int)columns, directions, b[4].buf, b[5].buf,
-                          b[6].buf, b[7].buf, b[8].buf, b[9].buf);
-    }
-    return done(b, 10, fits);
-}
-
-static PyObject *nearest_half_planes(PyObject *self, PyObject *args)
-{
-    Py_buffer b[5]; /* states, clearances, normals, chosen, offsets */
-    int directions;
-    (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*w*w*i", b, b + 1, b + 2, b + 3, b + 4, &directions))
-        return NULL;
-    const long stages = reals(b) / 3 - 1;
-    int fits = stages > 0 && holds(b, 3 * (stages + 1)) && (directions == 2 || directions == 3);
-    if (fits) {
-        const long kinds = reals(b + 1) / stages, slots = reals(b + 4) / stages;
-        fits = holds(b + 1, stages * kinds) && holds(b + 2, stages * kinds * directions) &&
-               holds(b + 3, stages * slots * directions) && holds(b + 4, stages * slots);
-        if (fits)
-            kmpc_nearest_half_planes((int)stages, (int)kinds, (int)slots, directions, b[0].buf,
-                                     b[1].buf, b[2].buf, b[3].buf, b[4].buf);
-    }
-    return done(b, 5, fits);
+    const long n = size->stages, m = size->inputs, slots = size->slots, past = size->history;
+    const long points = n * keep->places, cells = points * keep->solids;
+    long written = 9 * (n - 1) + n * slots * size->directions;
+    for (long j = 0; j <= past && j < n; j++)
+        written += 3 * m * (n - j);
+    int fits = holds(b, 3 * n) && holds(b + 1, 9 * n) && holds(b + 2, 3 * m * n) &&
+               holds(b + 3, 3 * m * n * past) && holds(b + 4, 3 * (n + 1)) && holds(b + 5, m * n) &&
+               holds(b + 6, 3 * (n + 1)) && holds(b + 7, KMPC_THING * (long)keep->things) &&
+               holds(b + 8, 2 * points) && holds(b + 9, cells) && holds(b + 10, 2 * cells) &&
+               holds(b + 11, 2L * keep->sides) && holds(b + 12, keep->sides) &&
+               holds_ints(b + 13, written) && holds(b + 15, 3 * n) && holds(b + 16, 3 * n) &&
+               holds(b + 17, n * slots) && holds(b + 18, 3 * n) && holds(b + 19, (3 + m + 1) * n) &&
+               holds(b + 20, 9) && holds(b + 21, 9) &&
+               reals(b + 22) >= kmpc_fill_room(size, kmpc_kinds(keep));
+    if (tightens) /* speeds, path clearance, white, lasting, pose, pose by speed */
+        fits = fits && n <= KMPC_HORIZON && holds(b + 23, 2 * n) && holds(b + 24, n) &&
+               holds(b + 25, 18) && (!b[26].len || holds(b + 26, 18)) && holds(b + 27, 9) &&
+               (!b[28].len || holds(b + 28, 9));
+    const int *places = b[13].buf;
+    for (long i = 0; fits && i < written; i++)
+        fits = places[i] >= 0 && places[i] < reals(b + 14);
+    return fits;
 }
 
 static PyObject *fill(PyObject *self, PyObject *args)
 {
-    /* value, by_x, by_u, by_past, x, u, normals, offsets, places, entries, lower, upper, planes */
-    Py_buffer b[13];
+    enum { ARRAYS = 29 }; /* in the order of kernels/compiled.py */
+    Py_buffer b[ARRAYS];
     struct kmpc_layout size;
-    double scale, open;
+    struct kmpc_keep_out keep;
+    struct kmpc_plan_margins tight;
+    struct kmpc_noise *noise = &tight.noise;
+    double scale, open, distance, dt, range, numbers[8];
+    int tightens;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*w*w*w*w*iiidd", b, b + 1, b + 2, b + 3, b + 4,
-                          b + 5, b + 6, b + 7, b + 8, b + 9, b + 10, b + 11, b + 12, &size.stages,
-                          &size.history, &size.directions, &scale, &open))
+    if (!PyArg_ParseTuple(
+            args, "y*y*y*y*y*y*y*y*y*y*y*y*y*y*w*w*w*w*w*w*y*y*w*y*y*y*y*y*y*iiiiidddddpiidddddddd", b,
+            b + 1, b + 2, b + 3, b + 4, b + 5, b + 6, b + 7, b + 8, b + 9, b + 10, b + 11, b + 12,
+            b + 13, b + 14, b + 15, b + 16, b + 17, b + 18, b + 19, b + 20, b + 21, b + 22, b + 23,
+            b + 24, b + 25, b + 26, b + 27, b + 28, &size.stages, &size.history, &size.slots,
+            &size.directions, &keep.places, &scale, &open, &distance, &dt, &range, &tightens,
+            &noise->delay, &noise->spreads, numbers, numbers + 1, numbers + 2, numbers + 3,
+            numbers + 4, numbers + 5, numbers + 6, numbers + 7))
         return NULL;
-    const long n = size.stages, m = n > 0 ? reals(b + 5) / n : 0;
-    const long slots = n > 0 ? reals(b + 7) / n : 0, past = size.history;
-    long written = 9 * (n - 1) + n * slots * size.directions;
-    for (long j = 0; j <= past && j < n; j++)
-        written += 3 * m * (n - j);
-    int fits = n > 0 && past >= 0 && holds(b, 3 * n) && holds(b + 1, 9 * n) &&
-               holds(b + 2, 3 * m * n) && holds(b + 3, 3 * m * n * past) &&
-               holds(b + 4, 3 * (n + 1)) && holds(b + 5, m * n) &&
-               holds(b + 6, n * slots * size.directions) && holds(b + 7, n * slots) &&
-               holds_ints(b + 8, written) && holds(b + 10, 3 * n) && holds(b + 11, 3 * n) &&
-               holds(b + 12, n * slots);
-    const int *places = b[8].buf;
-    for (long i = 0; fits && i < written; i++)
-        fits = places[i] >= 0 && places[i] < reals(b + 9);
+    const long n = size.stages;
+    int fits = n > 0 && keep.places > 0 && size.history >= 0 && size.slots > 0 &&
+               (size.directions == 2 || size.directions == 3);
     if (fits) {
-        size.inputs = (int)m;
-        size.slots = (int)slots;
+        size.inputs = (int)(reals(b + 5) / n);
         size.half_plane_scale = scale;
         size.open = open;
-        kmpc_fill(&size, b[0].buf, b[1].buf, b[2].buf, b[3].buf, b[4].buf, b[5].buf, b[6].buf,
-                  b[7].buf, places, b[9].buf, b[10].buf, b[11].buf, b[12].buf);
+        keep.things = (int)(reals(b + 7) / KMPC_THING);
+        keep.solids = (int)(reals(b + 9) / (n * keep.places));
+        keep.sides = (int)reals(b + 12);
+        keep.directions = size.directions;
+        keep.thing = b[7].buf;
+        keep.points = b[8].buf;
+        keep.gaps = b[9].buf;
+        keep.away = b[10].buf;
+        keep.side_normal = b[11].buf;
+        keep.side_offset = b[12].buf;
+        keep.distance = distance;
+        keep.dt = dt;
+        keep.range = range;
+        fits = pass_fits(b, &size, &keep, tightens);
     }
-    return done(b, 13, fits);
+    if (fits) {
+        const struct kmpc_pass plan = {b[4].buf, b[5].buf, b[6].buf,  b[0].buf, b[1].buf,
+                                       b[2].buf, b[3].buf, b[20].buf, b[21].buf};
+        const struct kmpc_qp qp = {b[13].buf, b[14].buf, b[15].buf, b[16].buf,
+                                   b[17].buf, b[18].buf, b[19].buf};
+        if (tightens) {
+            noise->inputs = 2;
+            noise->white = b[25].buf;
+            noise->lasting = or_null(b + 26);
+            noise->pose = b[27].buf;
+            noise->pose_speed = or_null(b + 28);
+            noise->quantile = numbers[0];
+            noise->headway_time = numbers[1];
+            noise->touch = numbers[2];
+            noise->reach = numbers[3];
+            noise->solver_margin = numbers[4];
+            tight.speeds = b[23].buf;
+            tight.path_clearance = b[24].buf;
+            tight.widest = numbers[5];
+            tight.far_clearance = numbers[6];
+            tight.side_margin = numbers[7];
+        }
+        kmpc_fill(&size, &keep, tightens ? &tight : NULL, &plan, &qp, b[22].buf);
+    }
+    return done(b, ARRAYS, fits);
 }
 
 static PyObject *stop_errors(PyObject *self, PyObject *args)
@@ -406,9 +400,8 @@ static PyObject *follow(PyObject *self, PyObject *args)
 
 static PyMethodDef kernels[] = {
     KERNEL(advance),       KERNEL(rollout),         KERNEL(linearize),
-    KERNEL(distances),     KERNEL(distances_and_directions),
-    KERNEL(box_distances), KERNEL(nearest_boxes),
-    KERNEL(tube_margins),  KERNEL(nearest_half_planes), KERNEL(fill),
+    KERNEL(distances),     KERNEL(box_distances),   KERNEL(nearest_boxes),
+    KERNEL(fill),
     KERNEL(stop_errors),   KERNEL(samples),         KERNEL(between_samples),
     KERNEL(surely_clear),  KERNEL(admissible),      KERNEL(clusters),        KERNEL(follow),
     {NULL, NULL, 0, NULL},

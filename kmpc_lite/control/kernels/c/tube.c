@@ -192,10 +192,10 @@ static real between_samples(const struct kmpc_noise *noise, const real *states, 
     return M(sqrt)(beyond * beyond + square) - noise->touch;
 }
 
-/* Margins (stages, columns) towards normals (stages, columns, directions) [m]. */
-void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, int directions,
-                       const real *by_x, const real *states, const real *inputs,
-                       const real *normals, const real *path_clearance, real *margins)
+/* Margins towards normals [m]: of the first `columns` of each row (stages, row). */
+void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, int row,
+                       int directions, const real *by_x, const real *states, const real *inputs,
+                       const real *all_normals, const real *path_clearance, real *all_margins)
 {
     real covariance[9 * KMPC_HORIZON];
     if (noise->spreads)
@@ -206,6 +206,8 @@ void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, 
         real least = M(fabs)(inputs[noise->inputs * k]) * noise->headway_time;
         if (path_clearance[k] < least)
             least = path_clearance[k];
+        const real *normals = all_normals + k * row * directions;
+        real *margins = all_margins + k * row;
         for (int j = 0; j < columns; j++, margins++, normals += directions) {
             *margins = least;
             if (noise->spreads) {

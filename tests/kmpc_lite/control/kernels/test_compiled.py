@@ -17,10 +17,14 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control import kernels as package
 from kmpc_lite.control.kernels import NUMPY, Kernels, choose_kernels, compiled_kernels, tube
+from kmpc_lite.control.kernels.fill import Around, Iterate, PlanMargins
 from kmpc_lite.control.knowledge import motion_model
+from kmpc_lite.control.nmpc.fill_qp import keep_out
+from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.tracks import Follower, Tracks
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
 
@@ -32,7 +36,17 @@ needs_c = pytest.mark.skipif(C is None, reason="the kernels in C were not built:
 
 
 def copied(value: Any) -> Any:
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return type(value)(*map(copied, value))
     return value.copy() if isinstance(value, np.ndarray) else value
+
+
+def arrays_of(arguments: tuple[Any, ...]) -> list[np.ndarray]:
+    """All arrays, those in records included."""
+    found = []
+    for value in arguments:
+        found += arrays_of(value) if isinstance(value, tuple) else [value]
+    return [value for value in found if isinstance(value, np.ndarray)]
 
 
 def answers(function: Callable[..., Any], arguments: tuple[Any, ...]) -> list[np.ndarray]:
@@ -40,8 +54,7 @@ def answers(function: Callable[..., Any], arguments: tuple[Any, ...]) -> list[np
     own = tuple(copied(a) for a in arguments)
     found = function(*own)
     results = found if isinstance(found, tuple) else (found,)
-    written = [a for a in own if isinstance(a, np.ndarray)]
-    return [np.asarray(a) for a in (*results, *written) if a is not None]
+    return [np.asarray(a) for a in (*results, *arrays_of(own)) if a is not None]
 
 
 def assert_alike(name: str, arguments: tuple[Any, ...]) -> None:
@@ -118,7 +131,7 @@ def test_alike_on_hostile_arrays(asked, name, hostile):
         for i, spoilt in enumerate(arguments):
             if not isinstance(spoilt, np.ndarray) or spoilt.dtype != float or not spoilt.size:
                 continue
-            if name == "nearest_half_planes" and np.isnan(hostile):
+            if name == "fill" and np.isnan(hostile):
                 continue  # where NaN sorts is no decision: the QP refuses it
             bad = spoilt.copy()
             bad.flat[random.integers(bad.size)] = hostile
@@ -159,9 +172,19 @@ def test_tubes_of_random_plans(delay, stages, lasts):
     inputs = random.uniform(-1.0, 1.0, (stages, 2))
     states = np.cumsum(random.uniform(-0.1, 0.1, (stages + 1, 3)), axis=0)
     by_x = np.eye(3) + 0.1 * random.normal(size=(stages, 3, 3))
-    normals = random.normal(size=(stages, 5, 3 if lasts else 2))
-    clearance = random.uniform(0.0, 0.1, stages)
-    assert_alike("tube_margins", (noise, by_x, states, inputs, normals, clearance))
+    away = random.normal(size=(stages, 5, 2))
+    lin = Linearization(
+        states[1:], by_x, random.normal(size=(stages, 3, 2)), np.empty((stages, 0, 3, 2))
+    )
+    problem = kl.NavigationProblem(
+        horizon=stages, footprint=kl.Footprint.rectangle(0.4, 0.4) if lasts else None
+    )
+    qp = NavigationQP(problem, 0, 9)
+    kept = random.uniform(0.0, 0.1, stages)
+    around = Around(np.empty((0, 7)), states[1:, :2], random.uniform(-1, 1, (stages, 5)), away)
+    margins = PlanMargins(noise, 1e9, 1.0, 0.01, kept)
+    plan = Iterate(states, inputs, states, inputs)
+    assert_alike("fill", (keep_out(problem, 9), margins, qp.numbers, lin, plan, around))
 
 
 @needs_c

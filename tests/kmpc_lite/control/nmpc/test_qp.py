@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
+from kmpc_lite.control.kernels.fill import Around, Iterate, fill
+from kmpc_lite.control.nmpc.fill_qp import keep_out
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, SLACK_SCALE, NavigationQP
 from kmpc_lite.model.linearization import Linearization
 
@@ -47,12 +49,14 @@ def make_problem(horizon: int) -> NavigationProblem:
 
 def draw(random: np.random.Generator, horizon: int, history: int, slots: int) -> Numbers:
     n, size = horizon, random.normal
+    x = size(size=(n + 1, 3))
+    x[0, :2] = 0.0  # the QP is solved around it
     lin = Linearization(
         size(size=(n, 3)), size(size=(n, 3, 3)), size(size=(n, 3, 2)), size(size=(n, history, 3, 2))
     )
     return Numbers(
         lin,
-        size(size=(n + 1, 3)),
+        x,
         size(size=(n, 2)),
         size(size=(n + 1, 3)),
         size(size=(n, slots, 2)),
@@ -100,15 +104,32 @@ def keepout_gaps(numbers: Numbers, x: np.ndarray, slack: np.ndarray) -> np.ndarr
     return gaps
 
 
+def write(qp: NavigationQP, numbers: Numbers) -> None:
+    """Write numbers into a QP: each half-plane as a solid whose nearest point it goes through."""
+    _, x, u, _, normals, offsets = numbers
+    keep = keep_out(qp.problem, qp.slots)._replace(
+        distance=0.0, side_normals=np.empty((0, 2)), side_offsets=np.empty(0)
+    )
+    points = x[1:, :2].copy()
+    gaps = np.einsum("nsd,nd->ns", normals, points) - offsets
+    around = Around(np.empty((0, 7)), points, gaps, normals)
+    fill(keep, None, qp.numbers, numbers.lin, Iterate(x, u, numbers.reference, u), around)
+
+
+def pack(x: np.ndarray, u: np.ndarray, slack: np.ndarray) -> np.ndarray:
+    """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""
+    return np.concatenate([x[1:].ravel(), u.ravel(), slack])
+
+
 def filled(
     shape: tuple[int, int, int], random: np.random.Generator
 ) -> tuple[NavigationProblem, NavigationQP, Numbers]:
     horizon, history, slots = shape
     problem = make_problem(horizon)
     qp = NavigationQP(problem, history, slots)
-    qp.fill(*draw(random, *shape))  # leftovers of an earlier fill must not matter
+    write(qp, draw(random, *shape))  # leftovers of an earlier fill must not matter
     numbers = draw(random, *shape)
-    qp.fill(*numbers)
+    write(qp, numbers)
     return problem, qp, numbers
 
 
@@ -132,7 +153,7 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
     values, definitions = [], []
     for _ in range(4):
         x, u, slack = random_point(random, numbers)
-        v = qp.pack(x, u, slack)
+        v = pack(x, u, slack)
         values.append(0.5 * v @ full_p @ v + qp.q @ v)
         definitions.append(objective(problem, numbers, x, u, slack))
         rows = a @ v
@@ -191,7 +212,7 @@ def test_pattern_is_kept_and_filled_in_place(shape: tuple[int, int, int]) -> Non
         Linearization(*(np.zeros_like(part) for part in numbers.lin)),
         *(np.zeros_like(part) for part in numbers[1:]),
     )
-    qp.fill(*zeros)
+    write(qp, zeros)
     assert qp.A.data is data
     np.testing.assert_array_equal(qp.A.indices, indices)
     np.testing.assert_array_equal(qp.A.indptr, pointers)
@@ -208,7 +229,7 @@ def test_half_planes_that_are_not_in_use_are_finite_and_never_bind() -> None:
     qp = NavigationQP(make_problem(4), 0, 3)
     numbers = draw(np.random.default_rng(1), 4, 0, 3)
     unused = numbers._replace(normals=np.zeros((4, 3, 2)), offsets=np.full((4, 3), -np.inf))
-    qp.fill(*unused)
+    write(qp, unused)
     assert np.isfinite(qp.lower[qp.half_plane_rows]).all()
     assert (qp.lower[qp.half_plane_rows] <= -100.0).all()
     assert not qp.A.toarray()[qp.half_plane_rows.ravel()][:, : qp.slack_columns[0]].any()
@@ -219,7 +240,7 @@ def test_pack_and_unpack_are_inverse(shape: tuple[int, int, int]) -> None:
     random = np.random.default_rng(2)
     _, qp, numbers = filled(shape, random)
     point = random_point(random, numbers)
-    v = qp.pack(*point)
+    v = pack(*point)
     assert len(np.unique(v)) == qp.size
     for back, there in zip(qp.unpack(v, numbers.x[0]), point[:2], strict=True):
         np.testing.assert_allclose(back, there, atol=1e-12)
@@ -244,7 +265,7 @@ def test_changes_of_commands_are_rows_where_they_are_limited(du_max: tuple[float
     qp, random = NavigationQP(problem, 1, 2), np.random.default_rng(3)
     last, u = random.normal(size=2), random.normal(size=(5, 2))
     qp.set_last_command(last)
-    values = qp.A @ qp.pack(np.zeros((6, 3)), u, np.zeros(5))
+    values = qp.A @ pack(np.zeros((6, 3)), u, np.zeros(5))
     columns = [j for j in range(2) if np.isfinite(du_max[j])]
     for k in range(5):
         before = u[k - 1] if k else last
