@@ -44,7 +44,7 @@ void kmpc_model_rollout(const real *here, const real *past, const real *commands
                         int periods, real *states);
 
 /* path.c: states (N + 1, 3) along the robot's path, from where it is on */
-void kmpc_follow(struct kmpc_path *path, const real *here, real *reference);
+void kmpc_follow_path(struct kmpc_path *path, const real *here, real *reference);
 
 /* solve.c: at most `most` passes, at least `least` */
 real kmpc_clip(real value, real least, real most);

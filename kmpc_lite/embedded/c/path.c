@@ -78,7 +78,7 @@ static void find_robot(struct kmpc_path *path, const real *here)
     path->time = best;
 }
 
-void kmpc_follow(struct kmpc_path *path, const real *here, real *reference)
+void kmpc_follow_path(struct kmpc_path *path, const real *here, real *reference)
 {
     const real before = path->time + KMPC_DT, last = path->begins[path->count - 1];
     real first[3];

@@ -85,7 +85,7 @@ static void reference_of(struct kmpc *robot, const struct seen *seen, real *refe
         real here[3];
         for (int i = 0; i < 3; i++)
             here[i] = seen->pose[i] * K.state[i];
-        kmpc_follow(&robot->path, here, reference);
+        kmpc_follow_path(&robot->path, here, reference);
         for (int i = 0; i < 3 * (KMPC_N + 1); i++)
             reference[i] /= K.state[i % 3];
         return;
