@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-firmware outcomes budgets coverage check docs format study clean constraints
+.PHONY: help demo test test-long test-firmware outcomes budgets coverage check docs format study clean constraints version tag dist
 
 help:  ## show what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -65,6 +65,16 @@ outcomes: $(VENV)/dev  ## every outcome drive with ten seeds: contacts, arrivals
 budgets: $(VENV)/dev  ## lines, files, options, states and functions reached by a step, beside what they may be
 	@$(BIN)/python .ci/budgets.py
 
+version:  ## the version, the same everywhere; V=0.4.0.dev0 sets it
+	@$(PYTHON) .ci/release.py version $(V)
+
+tag:  ## tag the commit as a release, if version, changelog and work tree say that it is one
+	@$(PYTHON) .ci/release.py tag
+
+dist: $(VENV)/python  ## sdists and wheels of both distributions, checked: dist/; URL=https://HOST/OWNER/REPOSITORY
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check build twine
+	@$(BIN)/python .ci/release.py dist $(URL)
+
 constraints: $(VENV)/dev  ## note the versions of all packages that the tests have passed with: constraints.txt
 	@{ echo "# Versions of all packages with which the tests of this version pass (x86-64 Linux, Python 3.11)."; \
 	  echo "# Made by: make constraints"; $(BIN)/python -m pip freeze --exclude-editable; } > constraints.new
@@ -78,5 +88,5 @@ study: $(VENV)/dev  ## the paper's table 1 beside ours
 	@$(BIN)/kmpc study table1
 
 clean:  ## remove what was installed and made here
-	rm -rf $(VENV) out build *.egg-info lab/build lab/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage
+	rm -rf $(VENV) out build dist *.egg-info lab/build lab/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage
 	find kmpc_lite firmware_bridge lab tests examples -name __pycache__ -prune -exec rm -rf {} +
