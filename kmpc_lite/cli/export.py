@@ -64,18 +64,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _problem(options: argparse.Namespace, model: KoopmanModel) -> NavigationProblem:
     """The problem that a command line asks for, without an area."""
-    import numpy as np
-
     from kmpc_lite.control.problem import NavigationProblem
 
-    anywhere = (-np.inf, -np.inf, -np.inf), (np.inf, np.inf, np.inf)
-    base = NavigationProblem(dt=model.dt, x_min=anywhere[0], x_max=anywhere[1])
+    base = NavigationProblem(dt=model.dt)
     v, omega = options.max_speed or base.u_max[0], options.max_turn_rate or base.u_max[1]
     change = options.max_acceleration
     return NavigationProblem(
         dt=model.dt,
-        x_min=anywhere[0],
-        x_max=anywhere[1],
         horizon=options.horizon or base.horizon,
         robot_radius=options.radius or base.robot_radius,
         u_min=(-v, -omega),

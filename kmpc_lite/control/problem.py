@@ -37,7 +37,7 @@ UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))
 class NavigationProblem:
     """Drive to a pose within bounds and past obstacles (paper, eq. 9 to 11).
 
-    The defaults are the paper's.
+    The defaults are the paper's, but for the area: there is none unless it is given.
 
     ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |x_N - x_ref|^2_{Q_terminal}``, commands
     within bounds, position within the area, and every obstacle at least `robot_radius` + `margin`
@@ -61,7 +61,8 @@ class NavigationProblem:
     u_min, u_max : array_like
         Command bounds (2,) [m/s, rad/s]; they contain zero, since braking must be allowed.
     x_min, x_max : array_like
-        State bounds (3,) [m, m, rad]; position bounds are kept softly, the heading must be free.
+        Area of the robot's centre (3,) [m, m, rad], kept softly; the heading must be free. Infinite
+        by default: the robot may go everywhere.
     robot_radius : float
         [m]; with a footprint it follows from that: of the circle about the pose that holds it.
     margin : float
@@ -106,8 +107,8 @@ class NavigationProblem:
     Q_terminal: Any = None
     u_min: Any = (-0.6, -np.pi / 4)
     u_max: Any = (0.6, np.pi / 4)
-    x_min: Any = (-2.0, -2.0, -np.inf)
-    x_max: Any = (2.0, 2.0, np.inf)
+    x_min: Any = (-np.inf, -np.inf, -np.inf)
+    x_max: Any = (np.inf, np.inf, np.inf)
     robot_radius: float = 0.15
     margin: float = 0.0
     deceleration: Any = None

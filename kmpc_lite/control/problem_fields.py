@@ -11,6 +11,8 @@ from kmpc_lite.types import Array
 
 LARGE = 1.0
 """Smaller radii are hardly centimetres that were taken for metres [m]."""
+SLOWEST = 15.0
+"""A robot that takes longer to drive its radius is hardly one [s]."""
 
 
 def scalar(name: str, value: Any, above_zero: bool) -> None:
@@ -78,12 +80,18 @@ def _shown(value: Any) -> str:
     return repr(value.tolist() if isinstance(value, np.ndarray) else value)
 
 
-def fits(name: str, radius: float, width: float) -> None:
-    """Raise ProblemError for the radius [m] of a large robot in a smaller area [m]."""
-    if radius > max(width, LARGE):
+def fits(name: str, radius: float, width: float, speed: float) -> None:
+    """Raise ProblemError for a large radius [m] in a smaller area [m], or at a speed too low."""
+    if radius <= LARGE:
+        return
+    doubt = ""
+    if radius > width:
+        doubt = f"more than the size of the area, {width:g} m"
+    elif radius > SLOWEST * speed:
+        doubt = f"more than the robot drives in {SLOWEST:g} s at {speed:g} m/s"
+    if doubt:
         raise ProblemError(
-            f"{name}: {radius:g} m is more than the size of the area, {width:g} m; "
-            "lengths are in metres, not in centimetres"
+            f"{name}: {radius:g} m is {doubt}; lengths are in metres, not in centimetres"
         )
 
 
@@ -100,7 +108,8 @@ def check_bounds(u_min: Array, u_max: Array, x_min: Array, x_max: Array, radius:
         )
     if (x_min >= x_max).any():
         raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
-    fits("robot_radius", radius, float((x_max - x_min)[:2].max()))
+    fastest = float(np.maximum(u_max, -u_min)[:-1].max())
+    fits("robot_radius", radius, float((x_max - x_min)[:2].max()), fastest)
     if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
         raise ProblemError(
             "x_min, x_max: the heading cannot be bounded; use -inf and inf, "

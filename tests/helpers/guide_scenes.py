@@ -7,11 +7,12 @@ from guided import GuidedController
 
 import kmpc_lab
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.world.circles import circles_to_array
 
 DT = 0.1
-PROBLEM = kl.NavigationProblem(margin=0.05)
+PROBLEM = kl.NavigationProblem(**AREA, margin=0.05)
 KEEP = PROBLEM.robot_radius + PROBLEM.margin
 OPTIONS = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))

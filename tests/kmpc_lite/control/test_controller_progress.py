@@ -6,6 +6,7 @@ import numpy as np
 
 import kmpc_lab
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.plan import GoalProgress
 
 RING = [kl.Circle(1 + 0.6 * np.cos(a), 0.6 * np.sin(a), 0.2) for a in np.arange(12) * np.pi / 6]
@@ -34,13 +35,15 @@ def test_who_walks_in_the_only_way_does_not_make_the_goal_unreachable(
         (DOOR, in_the_door, GoalProgress.WAITING, "something that moves stands in the only way"),
         ([kl.Wall(0.0, -2.0, 0.0, 2.0)], beside, GoalProgress.UNREACHABLE, "no passage"),
     ):
-        plan = kl.Controller(nominal).step((-0.6, 0.0, 0.0), (1.5, 0.0, 0.0), [*walls, who])
+        controller = kl.Controller(nominal, kl.NavigationProblem(**AREA))
+        plan = controller.step((-0.6, 0.0, 0.0), (1.5, 0.0, 0.0), [*walls, who])
         assert plan.progress is progress and words in plan.reason
         assert plan.reachable is (progress is GoalProgress.WAITING)
 
 
 def test_the_nearest_pose_to_a_goal_outside_the_area_is_driven_to(nominal: kl.KoopmanModel) -> None:
-    controller, robot, x = kl.Controller(nominal), kmpc_lab.DifferentialDrive(), np.zeros(3)
+    controller = kl.Controller(nominal, kl.NavigationProblem(**AREA))
+    robot, x = kmpc_lab.DifferentialDrive(), np.zeros(3)
     for _ in range(100):
         plan = controller.step(x, (3.0, 0.5, 0.3))
         assert plan.progress is GoalProgress.UNREACHABLE

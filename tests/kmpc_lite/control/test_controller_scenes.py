@@ -12,7 +12,10 @@ from exact_drives import MODEL, PAPER, RADIUS, Drive
 
 import kmpc_lab
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.options import PoseOptions
+
+IN_AREA = kl.NavigationProblem(**AREA)
 
 
 def test_drives_to_the_goal_past_an_obstacle() -> None:
@@ -71,7 +74,7 @@ def test_guidance_waits_while_the_goal_is_inside_an_obstacle_and_goes_on_when_it
     "goal", [(2.6, 0.0, 0.0), (-3.0, 0.5, 0.0), (0.0, 3.5, 1.5708), (2.5, 2.5, 0.8)]
 )
 def test_goal_outside_the_area_is_approached_inside(goal: tuple[float, float, float]) -> None:
-    drive = Drive(kl.Controller(MODEL), (0, 0, goal[2]), goal, periods=80)
+    drive = Drive(kl.Controller(MODEL, IN_AREA), (0, 0, goal[2]), goal, periods=80)
     assert np.abs(drive.path[:, :2]).max() < 2.02
     nearest = np.clip(goal[:2], -2.0, 2.0)
     assert drive.distance(*nearest) < 0.35
@@ -79,7 +82,7 @@ def test_goal_outside_the_area_is_approached_inside(goal: tuple[float, float, fl
 
 @pytest.mark.parametrize("goal", [(4.0, 0.0, 0.0), (-4.0, 4.0, 2.0), (50.0, 30.0, 0.0)])
 def test_nothing_pulls_the_robot_out_of_the_area(goal: tuple[float, float, float]) -> None:
-    drive = Drive(kl.Controller(MODEL), (1.9, 0, 0), goal, periods=300)
+    drive = Drive(kl.Controller(MODEL, IN_AREA), (1.9, 0, 0), goal, periods=300)
     assert np.abs(drive.path[:, :2]).max() < 2.01  # what the solver's tolerance leaves
 
 
@@ -88,12 +91,14 @@ def test_nothing_pulls_the_robot_out_of_the_area(goal: tuple[float, float, float
     reason="known limit: without guidance a far goal outweighs the penalty on leaving the area",
 )
 def test_nothing_pulls_the_robot_out_of_the_area_without_guidance() -> None:
-    drive = Drive(kl.Controller(MODEL, **PAPER), (1.9, 0, 0), (50.0, 30.0, 0.0), periods=100)
+    drive = Drive(
+        kl.Controller(MODEL, IN_AREA, **PAPER), (1.9, 0, 0), (50.0, 30.0, 0.0), periods=100
+    )
     assert np.abs(drive.path[:, :2]).max() < 2.02
 
 
 def test_a_robot_outside_the_area_comes_back() -> None:
-    drive = Drive(kl.Controller(MODEL), (2.6, 2.3, 0.4), (0.0, 0.0, 0.0), periods=80)
+    drive = Drive(kl.Controller(MODEL, IN_AREA), (2.6, 2.3, 0.4), (0.0, 0.0, 0.0), periods=80)
     assert drive.distance(0.0, 0.0) < 0.1
     assert np.abs(drive.path[:, :2]).max() < 2.75
 

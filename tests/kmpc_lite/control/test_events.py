@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 
 
 def test_events_are_told_once_each(caplog: pytest.LogCaptureFixture) -> None:
-    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    controller = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(**AREA))
     lost, near, far = (np.nan, 0.0, 0.0), (1.0, 0.0, 0.0), (5.0, 0.0, 0.0)
 
     def told(level: int, goal: tuple[float, ...], pose: tuple[float, ...] | None = None):
@@ -45,10 +46,11 @@ def test_what_is_no_problem_is_told() -> None:
 
 
 def test_a_radius_in_centimetres_is_refused() -> None:
-    with pytest.raises(kl.ProblemError, match="metres, not in centimetres"):
-        kl.NavigationProblem(robot_radius=15.0)
-    wide = {"x_min": (-np.inf,) * 3, "x_max": (np.inf,) * 3}
-    assert kl.NavigationProblem(robot_radius=15.0, **wide).robot_radius == 15.0
+    for area in ({}, AREA):
+        with pytest.raises(kl.ProblemError, match="metres, not in centimetres"):
+            kl.NavigationProblem(robot_radius=15.0, **area)
+    fast = {"u_min": (-2.0, -1.0), "u_max": (2.0, 1.0)}
+    assert kl.NavigationProblem(robot_radius=15.0, **fast).robot_radius == 15.0
 
 
 def test_a_model_is_shown_in_one_line() -> None:

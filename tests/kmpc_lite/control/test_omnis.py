@@ -70,8 +70,6 @@ def test_scaled_omnis_drive_the_same(size):
         robot_radius=0.15 * size,
         u_min=(-0.6 * size, -0.6 * size, -0.8),
         u_max=(0.6 * size, 0.6 * size, 0.8),
-        x_min=(-2 * size, -2 * size, -np.inf),
-        x_max=(2 * size, 2 * size, np.inf),
     )
     usual = problem(u_min=(-0.6, -0.6, -0.8), u_max=(0.6, 0.6, 0.8))
     one = kl.Controller(MODEL, usual).step((0, 0, 0), (1.0, 1.0, 1.0))

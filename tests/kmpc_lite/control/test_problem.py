@@ -13,12 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite import NavigationProblem, ProblemError
 
 NAN, INF = float("nan"), float("inf")
 
 
-def test_defaults_are_the_papers() -> None:
+def test_defaults_are_the_papers_without_its_area() -> None:
     problem = NavigationProblem()
     q, r, q_terminal = problem.weights
     np.testing.assert_array_equal(q, np.diag([1.0, 5.0, 0.1]))
@@ -27,7 +28,7 @@ def test_defaults_are_the_papers() -> None:
     u_min, u_max, x_min, x_max = problem.bounds
     np.testing.assert_array_equal(u_max, [0.6, np.pi / 4])
     np.testing.assert_array_equal(u_min, -u_max)
-    np.testing.assert_array_equal(x_max, [2.0, 2.0, INF])
+    np.testing.assert_array_equal(x_max, [INF, INF, INF])
     np.testing.assert_array_equal(x_min, -x_max)
     assert (problem.horizon, problem.dt, problem.robot_radius, problem.margin) == (
         20,
@@ -94,7 +95,7 @@ def test_defaults_are_the_papers() -> None:
 )
 def test_every_wrong_field_is_named(field: str, value: Any) -> None:
     with pytest.raises(ProblemError, match=field) as caught:
-        NavigationProblem(**{field: value})
+        NavigationProblem(**{**AREA, field: value})
     assert "\n" not in str(caught.value)
 
 

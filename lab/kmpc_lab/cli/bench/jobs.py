@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import papers_problem
 from kmpc_lite.cli.progress import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0
@@ -43,7 +44,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
         PAPER_FORM,
     )
 
-    model, problem = learned_model(), kl.NavigationProblem()
+    model, problem = learned_model(), papers_problem()
     bar = ProgressBar("bench", quiet=options.json)
     tables = []
     left_out: dict[str, str] = {}
@@ -116,7 +117,7 @@ def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.quality import as_dicts, compare, format_comparison
 
-    model, problem = learned_model(), kl.NavigationProblem()
+    model, problem = learned_model(), papers_problem()
     bar = ProgressBar("quality", quiet=options.json)
     drives = _record(options, model, problem, steps=QUALITY_STEPS)
     compared = compare(model, problem, drives, progress=bar)
@@ -128,7 +129,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.measure import TUNING_SEED
     from kmpc_lab.bench.settings import format_settings, settings_study
 
-    model, problem = learned_model(), kl.NavigationProblem()
+    model, problem = learned_model(), papers_problem()
     drives = _record(options, model, problem, seed=TUNING_SEED)
     bar = ProgressBar("settings", quiet=options.json)
     rows = settings_study(model, problem, drives, progress=bar)
@@ -140,7 +141,7 @@ def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.studies.contenders import solver_contenders
 
-    model, problem = learned_model(), kl.NavigationProblem()
+    model, problem = learned_model(), papers_problem()
     drives = _record(options, model, problem)
     bar = ProgressBar("solvers", quiet=options.json)
     results = bench.measure(solver_contenders(), model, problem, drives, progress=bar)
@@ -160,7 +161,7 @@ def _loop(options: argparse.Namespace) -> tuple[Any, str]:
 
     result = run_loop(
         learned_model(),
-        kl.NavigationProblem(),
+        papers_problem(),
         options.loop,
         SECONDS if options.seconds is None else options.seconds,
         _seed(options),

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from kmpc_lab.peers.paper import AREA
 from kmpc_lab.sim.closed_loop import SUBSAMPLES
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.periods import periods
@@ -67,6 +68,7 @@ def drive(speed: float, reach: float, seed: int) -> Reveal:
 def _drive(speed: float, reach: float, seed: int) -> tuple[float, bool, float, float]:
     scenario, turn = random_map("open", seed), math.pi / 4 * speed / 0.6
     problem = NavigationProblem(
+        **AREA,
         u_min=(-speed, -turn),
         u_max=(speed, turn),
         du_max=DU_MAX,

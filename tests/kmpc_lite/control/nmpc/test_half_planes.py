@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.kernels.clearance import VELOCITY, things_of
 from kmpc_lite.control.kernels.half_planes import clearances, nearest_half_planes
 from kmpc_lite.control.nmpc.fill_qp import keep_out
 from kmpc_lite.control.world.solids import Solids
 
 CART = kl.Footprint.rectangle(0.8, 0.3, ahead=-0.2)
-PROBLEM = kl.NavigationProblem(horizon=5, footprint=CART, margin=0.02, sensor_range=1.0)
+PROBLEM = kl.NavigationProblem(**AREA, horizon=5, footprint=CART, margin=0.02, sensor_range=1.0)
 CIRCLES = things_of(np.array([[0.9, 0.4, 0.2, 0.0, 0.0], [-0.5, -0.7, 0.1, 0.1, 0.3]]))
 SOLIDS = Solids([kl.Polygon([(0.2, -1.0), (0.8, -1.0), (0.5, -0.4)]), kl.Wall(-1, 1, 1, 1, 0.1)])
 STATES = np.random.default_rng(2).uniform((-0.1, -0.1, -3.0), (0.1, 0.1, 3.0), (6, 3))
@@ -57,7 +58,7 @@ SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 
 
 def test_solids_stand_between_circles_and_sides() -> None:
-    problem = kl.NavigationProblem(horizon=3)
+    problem = kl.NavigationProblem(**AREA, horizon=3)
     solids = Solids([kl.Polygon(SQUARE), kl.Wall(-1, -1, -1, 1, 0.2)]).whole
     states = np.array([[-0.5, 0.5, 0.0], [-0.4, 0.5, 0.0], [-0.3, 0.5, 0.0], [-0.2, 0.5, 0.0]])
     circles = things_of(np.array([[-0.3, 1.5, 0.1, 0.0, 0.0]]))

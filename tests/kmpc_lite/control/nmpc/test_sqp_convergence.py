@@ -10,6 +10,7 @@ import pytest
 from kkt import Certificate, certify, goal_reference
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 
 GOAL = (1.5, 1.5, 0.0)
 MAP = (
@@ -33,7 +34,7 @@ CASES = {
         GOAL,
         (kl.Circle(0.9, 0.3, 0.25, -0.2, 0.1),),
     ),
-    "goal outside the area": (kl.NavigationProblem(), (1.2, 0.0, 0.4), (2.6, 0.5, 0.0), ()),
+    "goal outside the area": (kl.NavigationProblem(**AREA), (1.2, 0.0, 0.4), (2.6, 0.5, 0.0), ()),
     "inside an obstacle": (kl.NavigationProblem(), (0.45, 0.5, 0.2), GOAL, MAP),
     "short horizon": (replace(WIDE, horizon=3), (-2.5, 0.94, 2.48), GOAL, ()),
     "full weights": (

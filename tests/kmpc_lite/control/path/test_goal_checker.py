@@ -10,6 +10,7 @@ from guided import GuidedController
 
 import kmpc_lab
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.control.options import GoalOptions, lengths_from_radii
 from kmpc_lite.control.path import goal_checker
@@ -141,7 +142,7 @@ def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None
     """With noisy poses and a model that knows of neither: steps until it has held for a second."""
 
     def steps(asked: tuple[float, float] | None) -> int:
-        problem = kl.NavigationProblem(goal_tolerance=asked, du_max=(1.0, 4.0))
+        problem = kl.NavigationProblem(**AREA, goal_tolerance=asked, du_max=(1.0, 4.0))
         step, _, away = until_held(problem, 0.12, (0.006, 0.006, 0.01), 10, 300)
         assert away < 0.06 or step == 300
         return step
@@ -186,7 +187,7 @@ def test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_ti
 
 def test_what_cannot_be_reached_more_closely_is_held_and_told() -> None:
     """A robot whose poses are noisier than its model knows, and that lags, comes to an end."""
-    problem = kl.NavigationProblem(du_max=(1.0, 4.0))
+    problem = kl.NavigationProblem(**AREA, du_max=(1.0, 4.0))
     _, plan, away = until_held(problem, 0.15, (0.01, 0.01, 0.02), 20, 700)
     assert plan.progress.name == "HOLDING" and "does not get nearer" in plan.reason
     assert away < 0.06

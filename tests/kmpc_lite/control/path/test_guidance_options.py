@@ -9,6 +9,7 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.path.planner import Known, Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
@@ -16,7 +17,7 @@ from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
 
-PROBLEM = kl.NavigationProblem()
+PROBLEM = kl.NavigationProblem(**AREA)
 CAPABILITIES = capabilities(kl.nominal_unicycle(0.1), PROBLEM)
 START, GOAL = np.array([-1.5, 0.0, 0.0]), np.array([1.5, 0.0, 0.0])
 NO_CIRCLES = np.empty((0, 5))

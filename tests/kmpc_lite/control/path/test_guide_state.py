@@ -12,11 +12,12 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.world.circles import circles_to_array
 from kmpc_lite.control.world.solids import Solids
 
-PROBLEM = kl.NavigationProblem(margin=0.02)
+PROBLEM = kl.NavigationProblem(**AREA, margin=0.02)
 START, GOAL = np.array([-1.5, -0.2, 0.3]), np.array([1.5, 0.3, -1.0])
 
 

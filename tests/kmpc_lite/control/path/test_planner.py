@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.types import Array
 
 MODEL, GOAL = kl.nominal_unicycle(0.1), (1.0, 0.6, 0.0)
@@ -77,7 +78,7 @@ def test_a_path_may_change_its_gear() -> None:
     poses = np.array([[0, 0, 0], [1.5, 0.6, 0.0], [1.0, 0.6, 0.0]])
     poses[1, 2] = poses[0, 2] = np.arctan2(0.6, 1.5)
     way = np.array([[0, 0, 0], poses[0], poses[1], [1.5, 0.6, 0.0], [1.0, 0.6, 0.0]])
-    places, holds = drive(kl.Controller(MODEL, planner=Fixed(way)))
+    places, holds = drive(kl.Controller(MODEL, kl.NavigationProblem(**AREA), planner=Fixed(way)))
     assert holds and places[:, 0].max() > 1.35
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.rays import Rays
@@ -151,7 +152,7 @@ def test_the_map_follows_the_robot_in_bounded_memory() -> None:
 
 
 def test_an_area_that_fits_is_held_whole() -> None:
-    problem = kl.NavigationProblem()
+    problem = kl.NavigationProblem(**AREA)
     s = Sight(problem, Scale(), SightOptions(), reach=1.5)
     seen = look(s, None, ROUND, np.array([1.9, 1.9, 0.0]))
     assert seen.is_fixed

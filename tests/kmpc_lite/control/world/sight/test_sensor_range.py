@@ -85,8 +85,6 @@ def test_a_robot_twice_as_large_sees_twice_as_far() -> None:
             robot_radius=0.3,
             u_min=(-1.2, -np.pi / 4),
             u_max=(1.2, np.pi / 4),
-            x_min=(-4, -4, -np.inf),
-            x_max=(4, 4, np.inf),
             sensor_range=0.8,
         ),
     )

@@ -1,0 +1,17 @@
+"""The paper's problem: what peers solve and benchmarks time unless another one is given."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control.problem import NavigationProblem
+
+AREA: dict[str, Any] = {"x_min": (-2.0, -2.0, -np.inf), "x_max": (2.0, 2.0, np.inf)}
+"""Fields of a problem whose robot stays within 2 m of the origin along both axes."""
+
+
+def papers_problem() -> NavigationProblem:
+    """Build the defaults, which are the paper's, with the paper's area."""
+    return NavigationProblem(**AREA)
