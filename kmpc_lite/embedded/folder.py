@@ -20,7 +20,7 @@ from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.embedded.numbers import (
     NO_LIMIT,
-    check_can_be_exported,
+    controller_of,
     model_of,
     numbers_of,
     sizes_of,
@@ -81,19 +81,10 @@ def export(
         For a model or a problem that the C code does not have, and for a folder that holds
         something else, or cannot be written.
     """
-    check_can_be_exported(model, problem)
+    controller = controller_of(model, problem, tightening=tightening, options=options)
     target = Path(folder)
     if target.exists() and not (target / ABOUT).is_file() and any(target.iterdir()):
         raise ProblemError(f"export: {target} is not empty, and no exported controller is in it")
-    controller = Controller(
-        model,
-        problem,
-        guidance=False,
-        adaptation=False,
-        tightening="learned" if tightening else None,
-        compiled=False,
-        options=options,
-    )
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         made = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))

@@ -13,7 +13,7 @@ from kmpc_lite.control.kernels.safe_motion import TINY
 from kmpc_lite.control.knowledge import motion_model
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
 from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
-from kmpc_lite.control.options import fastest
+from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.stop.safe_motion import SafeMotions
@@ -145,7 +145,46 @@ REAL = (
 """What it holds as real, in its order."""
 
 
-def model_of(controller: Controller) -> dict[str, Any]:
+def model_numbers(
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    *,
+    tightening: bool = True,
+    options: ControllerOptions | None = None,
+) -> dict[str, Array]:
+    """Numbers of another model for a board whose controller was exported; arguments as there.
+
+    `firmware_bridge.drivers.onboard.messages.model` makes a message of them.
+
+    Raises
+    ------
+    ProblemError
+        For a model or a problem that the C code does not have.
+    """
+    return model_of(controller_of(model, problem, tightening=tightening, options=options))
+
+
+def controller_of(
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    *,
+    tightening: bool,
+    options: ControllerOptions | None,
+) -> Controller:
+    """Make the controller in Python that the C code is."""
+    check_can_be_exported(model, problem)
+    return Controller(
+        model,
+        problem,
+        guidance=False,
+        adaptation=False,
+        tightening="learned" if tightening else None,
+        compiled=False,
+        options=options,
+    )
+
+
+def model_of(controller: Controller) -> dict[str, Array]:
     """What was learned, by the names of `struct kmpc_model`, in its order."""
     numbers = _model(controller) | _margins(controller)
     whole = {name: np.asarray(numbers[name], dtype=int) for name in WHOLE}

@@ -1,5 +1,6 @@
 """Bytes <-> frames of the serial motor controllers: pure functions, and bounded decoders."""
 
+from firmware_bridge.link.framing.cobs import CobsFrames, cobs_body, cobs_frame
 from firmware_bridge.link.framing.crc import crc16
 from firmware_bridge.link.framing.lines import LINE_BYTES, Lines, odrive_line, odrive_text, xor8
 from firmware_bridge.link.framing.roboclaw import (
@@ -14,6 +15,7 @@ from firmware_bridge.link.framing.roboclaw import (
 from firmware_bridge.link.framing.vesc import VescPackets, vesc_packet
 
 __all__ = [
+    "CobsFrames",
     "LINE_BYTES",
     "Lines",
     "ROBOCLAW_ACK",
@@ -21,6 +23,8 @@ __all__ = [
     "RoboClawPackets",
     "RoboClawReplies",
     "VescPackets",
+    "cobs_body",
+    "cobs_frame",
     "crc16",
     "odrive_line",
     "odrive_text",

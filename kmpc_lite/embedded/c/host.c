@@ -11,7 +11,7 @@
 
 enum {
     FLOAT = 4,
-    WHOLE = offsetof(struct kmpc_model, kernel) / sizeof(int),
+    WHOLE = KMPC_TERMS + 8, /* its ints, which lie before all reals */
     REALS = (sizeof(struct kmpc_model) - offsetof(struct kmpc_model, kernel)) / sizeof(real)
 };
 
@@ -213,7 +213,7 @@ static void plan(struct kmpc_host *host, uint32_t now)
 
 void kmpc_host_tick(struct kmpc_host *host, uint32_t now, real *command)
 {
-    const uint32_t period = (uint32_t)(KMPC_DT * 1000 + R(0.5));
+    const int32_t period = (int32_t)(KMPC_DT * 1000 + R(0.5)), left = (int32_t)(host->due - now);
     host->standing = why_not(host, now);
     if (host->standing == KMPC_ESTOPPED || was_said(host, KMPC_SAY_VELOCITY)) {
         const int drives = host->standing == KMPC_DRIVES;
@@ -225,8 +225,8 @@ void kmpc_host_tick(struct kmpc_host *host, uint32_t now, real *command)
             host->plan.command[i] = kmpc_clip(host->velocity[i], K.u_min[i] * K.command[i],
                                               K.u_max[i] * K.command[i]);
         host->due = now;
-    } else if ((int32_t)(now - host->due) >= 0) {
-        host->due = now - host->due < period ? host->due + period : now + period;
+    } else if (left <= 0 || left > period) {
+        host->due = (left > -period && left <= 0 ? host->due : now) + (uint32_t)period;
         plan(host, now);
     }
     memcpy(command, host->plan.command, sizeof(host->plan.command));
