@@ -13,8 +13,11 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
 from kmpc_lite.cli.tuning import Wishes
+from kmpc_lite.scenario.drawn import NO_AREA
 
 NO_WISHES = Wishes()
+HERE = (0.0, 0.0, 0.0)
+"""About this an empty map is drawn if goals are clicked."""
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
 WITHIN = 0.7
@@ -51,6 +54,7 @@ def course(
     wait: float | None = None,
     rehearse: bool = False,
     wishes: Wishes = NO_WISHES,
+    click: bool = False,
 ) -> Course:
     """Put a controller and a map before a robot.
 
@@ -70,6 +74,8 @@ def course(
         Whether it drives at half the speed that limits and model allow.
     wishes : Wishes
         What counts instead of the scenario's own.
+    click : bool
+        Whether goals are clicked while it drives, instead of the scenario's.
 
     Raises
     ------
@@ -83,6 +89,8 @@ def course(
     from firmware_bridge.runtime.route import Route
     from kmpc_lite.scenario.gaps import obstacle_gaps
 
+    if click and not wishes.goals and robot.control.scenario is None:
+        wishes = wishes._replace(goals=(HERE,))
     scenario = scenario_of(robot, wishes)
     try:
         robot, learned, notes = load_model(robot, rehearse)
@@ -90,7 +98,9 @@ def course(
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
     if robot.gate.geofence is not None:
-        _check_fence(robot, scenario)
+        for goal in scenario.goals:
+            if wrong := beyond(robot, goal):
+                raise ConfigError(f"{scenario.name}: {wrong}")
     else:
         x_min, y_min, x_max, y_max = scenario.bounds
         fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
@@ -99,7 +109,7 @@ def course(
     if robot.lidar is None and not robot.control.map:
         raise ConfigError(f"{robot.where}: control.map: false needs a [lidar] (--lidar NAME)")
     watchers = [] if watch is None else [watch]
-    route = Route(scenario.goals, scenario.loop)
+    route = Route(scenario.goals, scenario.loop, click)
     step = planning(robot, scenario, controller, route, watchers)
     task = Task(
         scenario.goal,
@@ -112,21 +122,20 @@ def course(
         route,
     )
     period = robot.control.period or controller.problem.dt
-    seconds = seconds or DRIVE_TIME * len(route.goals)
+    seconds = seconds or (math.inf if click else DRIVE_TIME * len(route.goals))
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
     return Course(name, robot, navigator, period, own_frame(robot, scenario), notes, *made)
 
 
-def _check_fence(robot: Robot, scenario: Any) -> None:
-    """Raise ConfigError for a goal where the gate would stop the robot."""
-    x_min, y_min, x_max, y_max = robot.gate.geofence or (0.0, 0.0, 0.0, 0.0)
-    for x, y, _ in scenario.goals:
-        if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            raise ConfigError(
-                f"{scenario.name}: goal ({x:g}, {y:g}) lies outside the geofence "
-                f"{list(robot.gate.geofence or ())}"
-            )
+def beyond(robot: Robot, goal: Pose) -> str:
+    """Say that a goal lies where the gate would stop the robot; empty where it does not."""
+    x_min, y_min, x_max, y_max = robot.gate.geofence or NO_AREA
+    x, y, _ = goal
+    if x_min <= x <= x_max and y_min <= y <= y_max:
+        return ""
+    fence = ", ".join(f"{side:g}" for side in (x_min, y_min, x_max, y_max))
+    return f"goal ({x:g}, {y:g}) lies outside the geofence [{fence}]"
 
 
 def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:

@@ -47,10 +47,12 @@ class Showing:
         if views.page is not None:
             from firmware_bridge.live.feed import Feed
 
-            self._feed = Feed(views.page, MODULE, {"socket": str(socket)})
+            self._feed = Feed(views.page, MODULE, {"socket": str(socket)}, self.hear)
         self._viewer = views.viewer
         self.job: Course | None = None
         """What is driven, once it is known."""
+        self._heard = ("", "")
+        """Of the page's thread: the goal that was clicked last, and why it is refused, if it is."""
         self._last: LastStep | None = None
         """Of the planner's thread: replaced with each plan, never changed."""
 
@@ -90,6 +92,19 @@ class Showing:
         scan = None if seen is None else laser_scan(seen)
         self._last = last_step(self.job.controller, pose, plan, scan)
 
+    def hear(self, word: str) -> None:
+        """Take a goal that was clicked on the page, with its token: `goal X Y THETA`."""
+        from firmware_bridge.cli.course import beyond
+
+        assert self.job is not None
+        x, y, theta = map(float, word.split()[1:])
+        refused = beyond(self.job.robot, (x, y, theta))
+        if not self.job.navigator.route.clicked:
+            refused = "this run takes no goals from the page: kmpc run --click"
+        if not refused:
+            self.job.navigator.go((x, y, theta))
+        self._heard = word, refused
+
     @contextmanager
     def watch(self, session: Session, job: Course) -> Iterator[None]:
         """Show a session while it drives."""
@@ -98,8 +113,10 @@ class Showing:
         link, scenario = session.robot.link, job.scenario
         if self._feed is not None:
             title = f"{scenario.name}: {link.driver} {link.url}"
-            shown = map_packet(scenario, title)
-            self._feed.start(lambda: self.packet(session, job.navigator.route.goal), shown)
+            route = job.navigator.route
+            shown = {**map_packet(scenario, title), "clicks": route.clicked}
+            shown["goal"] = None if route.idle else shown["goal"]
+            self._feed.start(lambda: self.packet(session), shown)
         if self._viewer is not None:
             from firmware_bridge.live.viewer import Shown
 
@@ -113,7 +130,7 @@ class Showing:
         if not navigator.arrived and navigator.reason:
             over += f"; the controller: {navigator.reason}"
         if self._feed is not None:
-            self._feed.say({**self.packet(session, job.navigator.route.goal), "over": over})
+            self._feed.say({**self.packet(session), "over": over})
 
     def records(self, session: Session, last: Shown) -> list[Record]:
         """Give what is new, for Foxglove."""
@@ -130,13 +147,17 @@ class Showing:
             lambda: {"link": _link(status, shot.now), "faults": list(status.faults)},
         )
 
-    def packet(self, session: Session, goal: Any) -> Packet:
+    def packet(self, session: Session) -> Packet:
         """Give what is true now; reads references that others replace, and never waits."""
         from firmware_bridge.live.moment import plan_packet
 
         shot, step, estop = session.loop.snapshot, self._last, session.estop
+        assert self.job is not None
+        navigator = self.job.navigator
         packet: Packet = {"latched": estop.latched, "gate": "WAITING", "wrong": []}
-        if step is not None:
+        packet.update(heard=list(self._heard), reason=navigator.reason)
+        goal = None if navigator.route.idle else navigator.route.goal
+        if step is not None and goal is not None:
             packet.update(plan_packet(step, goal))
         if shot is None:
             return packet
@@ -158,7 +179,7 @@ class Showing:
         if state is not None:
             packet["pose"] = [state.x, state.y, state.theta]
             packet["pose_age"] = shot.now - state.stamp
-            packet["distance"] = math.dist((state.x, state.y), tuple(goal)[:2])
+            packet["distance"] = goal and math.dist((state.x, state.y), goal[:2])
         if session.planner.errors:
             packet["reason"] = session.planner.last_error
         elif gate not in DRIVING:

@@ -32,6 +32,8 @@ def planning(
     sees, told = robot.lidar is not None, robot.control.map
 
     def step(pose: Pose, circles: Any, moment: Moment) -> Planned:
+        if route.idle:
+            return Planned(0.0, 0.0, "NO_GOAL", "no goal yet: tap the map of the live page")
         if sees and moment.scan is None:
             return Planned(0.0, 0.0, "NO_SCAN")
         obstacles = [*circles, *solids] if solids else circles

@@ -20,7 +20,7 @@ from firmware_bridge.cli.options import (
 )
 from firmware_bridge.cli.recording import recorder_of, recording_to
 from firmware_bridge.cli.rehearsal import Rehearsal, advice
-from firmware_bridge.messages import BridgeError
+from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
@@ -48,6 +48,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="scenario file, or the name of one that comes with kmpc_lite",
     )
     add_goal_options(add, "on an empty map about the origin of the robot's frame")
+    add(
+        "--click",
+        action="store_true",
+        help="drive to where the map of the --live page is tapped, until Ctrl-C or --seconds",
+    )
     add_clearance(add)
     add(
         "--by-sight",
@@ -77,6 +82,8 @@ def run(options: argparse.Namespace) -> int:
 
     options.set, tuning = split_settings(options.set, SECTIONS)
     robot, views = read_robot(options), asked_views(options)
+    if options.click and views.page is None:
+        raise ConfigError("--click: goals come from the live page: give --live, too")
     showing = None
     if views != (None, None):
         showing = Showing(views, robot.socket or default_socket())
@@ -90,6 +97,7 @@ def run(options: argparse.Namespace) -> int:
         wait=options.wait,
         rehearse=rehearse,
         wishes=wishes_of(options, tuning),
+        click=options.click,
     )
     prepare(options)
     with ExitStack() as stack:

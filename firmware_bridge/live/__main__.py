@@ -1,7 +1,6 @@
 """Serves the page of a simulated drive: ``python -m firmware_bridge.live DESCRIPTOR``."""
 
 import sys
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,8 +15,6 @@ OBEYED: dict[str, Callable[[dict[str, Any]], bool]] = {
     "enable": lambda shown: shown.get("gate") == "ACTIVE",
 }
 """What is shown once a word was carried out."""
-PATIENCE, POLL = 1.0, 0.02
-"""How long the drive may take to obey a button, and how often that is looked at [s]."""
 
 
 def ask_the_drive(channel: Channel, picture: Picture, settings: dict[str, Any]) -> Ask:
@@ -26,9 +23,7 @@ def ask_the_drive(channel: Channel, picture: Picture, settings: dict[str, Any]) 
     def ask(word: str) -> dict[str, Any]:
         if word != "status":
             channel.send({"word": word})
-        until, obeyed = time.monotonic() + PATIENCE, OBEYED[word]
-        while not (ok := obeyed(picture.values)) and time.monotonic() < until:
-            time.sleep(POLL)
+        ok = picture.wait_until(OBEYED[word])
         shown = picture.values
         latched = bool(shown.get("latched"))
         gate = shown.get("gate")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.live.channel import Channel
-from firmware_bridge.live.server import Ask, serve
+from firmware_bridge.live.server import GOAL, Ask, serve
 from firmware_bridge.live.watchers import Picture
 from firmware_bridge.messages import LinkError
 from firmware_bridge.safety.estop_client import ask, press
@@ -19,10 +19,21 @@ from firmware_bridge.safety.places import is_latched
 
 
 def ask_the_bridge(channel: Channel, picture: Picture, settings: dict[str, Any]) -> Ask:
-    """Make the way by which a button reaches the bridge: the socket of its emergency stop."""
+    """Make the way by which a button reaches the bridge: the socket of its emergency stop.
+
+    A goal goes through the channel.
+    """
     path = Path(settings["socket"])
 
+    def drive_to(goal: str) -> dict[str, Any]:
+        channel.send({"word": goal})
+        ok = picture.wait_until(lambda shown: shown.get("heard", ("", ""))[0] == goal)
+        refused = picture.values["heard"][1] if ok else "the bridge did not answer"
+        return {"ok": not refused, "why": [refused] if refused else []}
+
     def carry_out(word: str) -> dict[str, Any]:
+        if word.startswith(GOAL):
+            return drive_to(word)
         try:
             return press(path) if word == "stop" else ask(path, word)
         except LinkError as error:

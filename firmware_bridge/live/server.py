@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import os
 import resource
 import socket
@@ -33,8 +34,9 @@ from firmware_bridge.live.http import (
 from firmware_bridge.live.watchers import Picture, Watchers
 
 Ask = Callable[[str], dict[str, Any]]
-"""Carries out "stop", "reset" or "enable", however long that takes; gives the answer: ok, latched,
-gate, confirmed, why."""
+"""Carries out "stop", "reset", "enable" or "goal X Y THETA", however long that takes; gives the
+answer: ok, latched, gate, confirmed, why."""
+GOAL = "goal "
 CONNECTIONS = 512
 """One more closes the oldest that watches nothing."""
 LINES = 64
@@ -77,6 +79,8 @@ class Server:
         self._guard, self._picture, self._ask = guard, picture, ask
         self.watchers = Watchers(picture)
         self._two = TwoActions()
+        self._goal = ""
+        """What the second action carries out: a goal, else it lets the robot drive."""
         self._pool = ThreadPoolExecutor(ASKING, thread_name_prefix="live-ask")
         self._stopping: asyncio.Task[dict[str, Any]] | None = None
         self._idle: dict[asyncio.StreamWriter, None] = {}
@@ -145,10 +149,12 @@ class Server:
             return _json(json.dumps(await self._stop()), keep)
         self._guard.check_deliberate(request, with_token)
         if path == "/first":
+            self._goal = _goal_of(request.json())
             return _json(json.dumps({"code": self._two.first()}))
         if not self._two.second(request.json().get("code")):
             raise BadRequest(HTTPStatus.CONFLICT, "confirm within 5 s after holding the button")
-        return _json(json.dumps(await self._enable()))
+        done = self._carry_out(self._goal) if self._goal else self._enable()
+        return _json(json.dumps(await done))
 
     async def _stop(self) -> dict[str, Any]:
         """Press the emergency stop; whoever presses while that lasts gets the same answer."""
@@ -215,6 +221,25 @@ class Server:
                 self.watchers.tell(self._picture.take({"lost": True}))
         finally:
             loop.remove_reader(channel.socket)
+
+
+def _goal_of(asked: dict[str, Any]) -> str:
+    """Word of a goal [m, m, rad] that was clicked; empty without one.
+
+    Raises
+    ------
+    BadRequest
+        For what is no pose.
+    """
+    if (goal := asked.get("goal")) is None:
+        return ""
+    try:
+        x, y, theta = map(float, goal)
+    except (TypeError, ValueError):
+        x = y = theta = math.nan
+    if not all(map(math.isfinite, (x, y, theta))):
+        raise BadRequest(HTTPStatus.BAD_REQUEST, "expected a goal: x, y, theta")
+    return f"{GOAL}{x:.4f} {y:.4f} {theta:.4f}"
 
 
 def _json(text: str, keep: bool = False) -> bytes:

@@ -15,6 +15,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+PATIENCE, POLL = 1.0, 0.02
+"""How long the drive may take to obey a button, and how often that is looked at [s]."""
 DIGITS = 4
 """Numbers are shown to a tenth of a millimetre."""
 LONGEST_TEXT = 500
@@ -88,6 +90,13 @@ class Picture:
         if packet.get("pose"):
             self._follow(*packet["pose"][:2])
         return _object(changed)
+
+    def wait_until(self, obeyed: Callable[[dict[str, Any]], bool]) -> bool:
+        """Wait `PATIENCE` for values that hold, and tell whether they do."""
+        until = time.monotonic() + PATIENCE
+        while not (holds := obeyed(self.values)) and time.monotonic() < until:
+            time.sleep(POLL)
+        return holds
 
     def whole(self) -> str:
         """Give the JSON of all values, and of the path driven so far."""

@@ -114,6 +114,7 @@ class Navigator:
         self._clock = clock
         self.route = task.route or Route((task.goal,))
         """Which goal it drives to."""
+        self._wish: Pose | None = None
         self.passed: deque[str] = deque(maxlen=SHOWN)
         """The last goals that were held before the last one, in words."""
         self.scan: Any = None
@@ -135,9 +136,16 @@ class Navigator:
         pose."""
         self.statuses: Counter[str] = Counter()
 
+    def go(self, goal: Pose) -> None:
+        """Drive to this goal from the next plan on; any thread may ask."""
+        self._wish = goal
+
     def __call__(self, state: State, moment: Moment) -> VelocityCommand:
         """Plan from a pose."""
         now = self._clock()
+        if (goal := self._wish) is not None:
+            self._wish = self._inside_since = self.arrived_after = None
+            self.route.go(goal)
         if self._began is None and (wrong := self._misplaced(state)):
             # only where the gate lets it begin: until then it may be carried, or its pose settle
             self.refused, self.reason = wrong if moment.driving else self.refused, wrong
@@ -173,7 +181,8 @@ class Navigator:
             self._started = now
         if self._began is None:
             return now - self._started > self._wait
-        return self.arrived_after is not None or now - self._began > self._seconds
+        done = self.arrived_after is not None and not self.route.clicked
+        return done or now - self._began > self._seconds
 
     @property
     def drove(self) -> bool:
@@ -189,7 +198,8 @@ class Navigator:
     def stays(self) -> bool:
         """Whether the last pose is still within the tolerance of the goal."""
         distance, turn = self.errors()
-        return distance <= self._task.tolerance and turn <= self._task.heading_tolerance
+        near = distance <= self._task.tolerance and turn <= self._task.heading_tolerance
+        return near and not self.route.idle
 
     @property
     def _stands(self) -> bool:

@@ -17,6 +17,8 @@ class Route:
         Poses (3,) [m, m, rad], at least one.
     loop : bool
         Whether the first goal follows the last one, for ever.
+    clicked : bool
+        Whether goals come while it drives: `goals` only say where maps begin, and it is idle.
 
     Examples
     --------
@@ -26,14 +28,20 @@ class Route:
     ((0.0, 0.0, 0.0), (2, 2), False)
     """
 
-    def __init__(self, goals: Sequence[Pose], loop: bool = False) -> None:
-        self.goals, self.loop = tuple(goals), loop
+    def __init__(self, goals: Sequence[Pose], loop: bool = False, clicked: bool = False) -> None:
+        self.goals, self.loop, self.clicked = tuple(goals), loop, clicked
+        self.idle = clicked
+        """Whether no goal is given yet."""
         self.held = 0
         """How many goals were held so far, all rounds counted."""
 
     def hold(self) -> None:
         """Note that the present goal is held: the next one becomes the goal."""
         self.held += 1
+
+    def go(self, goal: Pose) -> None:
+        """Take a goal instead of all others."""
+        self.goals, self.loop, self.idle, self.held = (goal,), False, False, 0
 
     @property
     def rounds(self) -> int:

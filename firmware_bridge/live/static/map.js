@@ -29,7 +29,8 @@ export class Drawing {
     for (const polygon of state.polygons || []) this.polygon(polygon, true);
     for (const wall of state.walls || []) this.polygon(wall, true);
     this.obstacles(state);
-    this.goal(state);
+    this.goal(state.goal, state.radius, "goal");
+    this.goal(state.wish, state.radius, "plan");
     this.polyline(state.path, "path", 2, [6, 5]);
     this.polyline(state.trail, "trail", 2);
     this.tube(state);
@@ -53,6 +54,11 @@ export class Drawing {
     this.y0 = height / 2 + this.scale * (b[1] + b[3]) / 2;
     this.area = state.bounds;
     this.size = [width, height];
+  }
+
+  place(event) {  // where on the map a finger is [m]
+    const box = this.canvas.getBoundingClientRect();
+    return [(event.clientX - box.left - this.x0) / this.scale, (this.y0 - event.clientY + box.top) / this.scale];
   }
 
   at(x, y) { return [this.x0 + this.scale * x, this.y0 - this.scale * y]; }
@@ -138,18 +144,18 @@ export class Drawing {
     }
   }
 
-  goal(state) {
-    if (!state.goal) return;
-    const { pen } = this, [x, y] = this.at(state.goal[0], state.goal[1]);
-    const r = Math.max(5, (state.radius || 0.15) * this.scale);
+  goal(pose, radius, name) {
+    if (!pose) return;
+    const { pen } = this, [x, y] = this.at(pose[0], pose[1]);
+    const r = Math.max(5, (radius || 0.15) * this.scale);
     pen.beginPath();
     pen.arc(x, y, r, 0, 2 * Math.PI);
-    pen.strokeStyle = this.colour("goal");
+    pen.strokeStyle = this.colour(name);
     pen.lineWidth = 2;
     pen.setLineDash([4, 4]);
     pen.stroke();
     pen.setLineDash([]);
-    this.arrow(x, y, -state.goal[2], 1.5 * r, "goal");
+    this.arrow(x, y, -pose[2], 1.5 * r, name);
   }
 
   arrow(x, y, angle, length, name) {

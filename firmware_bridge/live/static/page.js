@@ -26,7 +26,7 @@ function take(news) {
   heard = performance.now();
   if ("silence" in news) { silence = news.silence; return; }
   silence = 0;
-  if ("trail" in news) state = {};  // everything is told anew
+  if ("trail" in news) state = { wish: state.wish };  // everything is told anew
   const trail = "trail" in news ? news.trail : state.trail || [];
   Object.assign(state, news);
   if (news.pose && !("trail" in news)) trail.push(news.pose[0], news.pose[1]);
@@ -116,6 +116,7 @@ function look() {
   if (gone) { say("gate", "not heard"); colour("gate", "bad"); }
   stopLook(now, gone);
   againLook(now);
+  goalLook(now);
 }
 
 // ---- STOP: sent again until the bridge has confirmed it
@@ -216,6 +217,69 @@ async function confirmIt() {
   } catch (error) { say("told", String(error.message || error)); }
 }
 
+// ---- a goal: tap the map, drag for its heading, then confirm within 5 s
+
+let pressed = null, goalCode = "", goalUntil = 0;
+
+function wishFor(event) {
+  const here = drawing.place(event), robot = state.pose || [0, 0, 0];
+  const moved = Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > 12;  // [px]
+  const [x, y] = pressed.place, from = moved ? [x, y] : robot, to = moved ? here : [x, y];
+  return [x, y, Math.atan2(to[1] - from[1], to[0] - from[0])];
+}
+
+id("map").addEventListener("pointerdown", (event) => {
+  if (!state.clicks || state.over) return;
+  pressed = { x: event.clientX, y: event.clientY, place: drawing.place(event) };
+  id("map").setPointerCapture(event.pointerId);
+});
+
+id("map").addEventListener("pointermove", (event) => {
+  if (pressed) { state.wish = wishFor(event); draw(); }
+});
+
+id("map").addEventListener("pointerup", async (event) => {
+  if (!pressed) return;
+  state.wish = wishFor(event);
+  pressed = null;
+  draw();
+  try {
+    goalCode = (await post("first", { goal: state.wish })).code;
+    goalUntil = performance.now() + CONFIRM;
+    say("wish", "");
+  } catch (error) { state.wish = null; say("wish", String(error.message || error)); }
+});
+
+id("map").addEventListener("pointercancel", () => { pressed = state.wish = null; draw(); });
+
+function goalLook(now) {
+  const may = Boolean(state.clicks && !state.over);
+  if (id("there").hidden !== !may) { id("there").hidden = !may; id("map").classList.toggle("clicks", may); }
+  if (goalCode && now > goalUntil) { goalCode = ""; state.wish = null; say("wish", "not confirmed in time: tap again"); draw(); }
+  if (id("go").disabled !== !goalCode) id("go").disabled = !goalCode;
+  if (goalCode) {
+    const [x, y, theta] = state.wish;
+    say("wish", `to ${x.toFixed(2)}, ${y.toFixed(2)} m, ${(theta * 180 / Math.PI).toFixed(0)}°`);
+    say("go", `Drive there (${Math.ceil((goalUntil - now) / 1000)} s)`);
+  } else {
+    say("go", "Drive there");
+    if (!id("wish").textContent) say("wish", "tap the map: a goal; drag: its heading");
+  }
+}
+
+async function driveThere() {
+  const shown = goalCode;
+  if (!shown) return;
+  goalCode = "";
+  try {
+    const answer = await post("second", { code: shown });
+    say("wish", answer.ok ? "" : "refused: " + (answer.why || []).join("; "));
+  } catch (error) { say("wish", String(error.message || error)); }
+  state.wish = null;
+  draw();
+}
+
+for (const name of ["pointerup", "click"]) id("go").addEventListener(name, driveThere);  // no click ends a flick
 for (const name of ["pointerdown", "keydown"]) id("hold").addEventListener(name, begin);
 for (const name of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
   id("hold").addEventListener(name, end);

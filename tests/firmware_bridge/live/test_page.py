@@ -3,6 +3,8 @@
 import contextlib
 import time
 
+import pytest
+from browser import Browser, needs_browser
 from browsing import ask, press, wait_for
 
 from firmware_bridge.live.address import LiveAddress
@@ -69,3 +71,73 @@ def test_a_stop_that_no_bridge_confirms_says_so_and_is_kept_on_disk(tmp_path):
         status, text, _ = ask(link, "stop", "POST")
         assert status == 200 and '"confirmed": false' in text and "no bridge" in text
         assert is_latched(stop.path) and "pressed all the same" in text
+
+
+@contextlib.contextmanager
+def map_page(folder, clicks: bool = True):
+    """A page on whose map goals are clicked; gives its link and the words that came."""
+    words = []
+
+    def packet():
+        heard = [words[-1], "outside" if " 9.0000 " in words[-1] else ""] if words else ["", ""]
+        return {"gate": "ACTIVE", "latched": False, "pose": [0.0, 0.0, 0.0], "heard": heard}
+
+    settings = {"socket": str(folder / "sock")}
+    with Feed(LiveAddress(port=0), "firmware_bridge.live.page", settings, words.append) as feed:
+        feed.start(packet, {"clicks": clicks, "bounds": [-2.0, -2.0, 2.0, 2.0], "radius": 0.15})
+        wait_for(feed.links[0], lambda shown: "gate" in shown)
+        yield feed.links[0], words
+
+
+def test_a_goal_takes_two_actions_and_the_answer_of_who_drives(tmp_path):
+    with map_page(tmp_path) as (link, words):
+        code = press(link, "first", {"goal": [1.0, -0.5, 0.25]})["code"]
+        assert not words
+        time.sleep(0.3)
+        assert press(link, "second", {"code": code}) == {"ok": True, "why": []}
+        assert words == ["goal 1.0000 -0.5000 0.2500"]
+        code = press(link, "first", {"goal": [9, 9.0, 0]})["code"]
+        time.sleep(0.3)
+        assert press(link, "second", {"code": code}) == {"ok": False, "why": ["outside"]}
+
+
+@pytest.mark.parametrize("goal", ["here", [1, 2], [1, 2, "x"], [1, 2, None], [1e999, 0, 0], {}])
+def test_what_is_no_goal_is_refused(tmp_path, goal):
+    with map_page(tmp_path) as (link, words):
+        own = {"X-Kmpc": "1", "Origin": link[: link.index("/", 8)]}
+        assert ask(link, "first", "POST", {"goal": goal}, **own)[0] == 400
+        assert ask(link, "first", "POST", {"goal": [1, 1, 0]})[0] == 403  # another program's page
+        assert not words
+
+
+@needs_browser
+def test_a_drag_on_the_map_and_a_tap_on_the_button_give_a_goal_with_its_heading(tmp_path):
+    with map_page(tmp_path) as (link, words), Browser() as browser:
+        page = browser.page(width=390, height=844, touch=True)
+        page.open(link)
+        page.wait("document.querySelector('#map').className == 'clicks'")
+        assert page.run("document.querySelector('#go').disabled")
+        x, y = page.place("#map")
+        for kind, at in (("touchStart", (x, y)), ("touchMove", (x, y - 40)), ("touchEnd", None)):
+            points = [] if at is None else [{"x": at[0], "y": at[1]}]
+            page.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        page.wait("!document.querySelector('#go').disabled")
+        assert page.text("#wish").endswith(" m, 90\u00b0") and not words
+        time.sleep(0.3)
+        page.tap("#go")
+        page.wait("document.querySelector('#go').disabled")
+        page.wait("document.querySelector('#wish').textContent.startsWith('tap the map')")
+        assert len(words) == 1 and not page.errors
+        assert [float(number) for number in words[0].split()[1:]] == pytest.approx(
+            [0.0, 0.0, 1.5708], abs=0.02
+        )
+
+
+@needs_browser
+def test_a_page_of_a_run_with_a_goal_takes_no_taps(tmp_path):
+    with map_page(tmp_path, clicks=False) as (link, words), Browser() as browser:
+        page = browser.page(width=390, height=844, touch=True)
+        page.open(link)
+        page.wait("document.querySelector('#gate').textContent == 'ACTIVE'")
+        page.tap("#map")
+        assert not page.run("document.querySelector('#there').offsetParent")
