@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,7 +92,7 @@ class Guiding:
         if late:
             states = np.concatenate([led[:-1], states])[: len(states)]
         kept = state.guide.kept_on_the_way(states, self._inflation)
-        return replace(guidance, states=states, path_clearance=kept)
+        return guidance._replace(states=states, path_clearance=kept)
 
     def towards_goal(self, state: ControllerState, seen: Observation) -> Array:
         """Give the goal itself as the reference (N + 1, 3), as in the paper, without guidance."""

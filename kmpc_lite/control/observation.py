@@ -75,8 +75,9 @@ class Observation:
         Nothing for those in scans: the side that the robot sees of a pedestrian is nearer than the
         pedestrian, and a robot that may hardly move cannot make room.
         """
-        given = np.arange(len(self.things)) < len(self.things) - self.scanned
-        return np.where(given, self.things[:, SPREAD_RATE], 0.0)
+        unsure: Array = self.things[:, SPREAD_RATE].copy()
+        unsure[len(unsure) - self.scanned :] = 0.0
+        return unsure
 
     def bring_forward(self, pose: Array) -> None:
         """Take over where the robot is now; a model that runs away leads out of all numbers."""

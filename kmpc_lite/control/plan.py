@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -49,8 +49,7 @@ class GoalProgress(Enum):
     """Standing, though a path is there or is being looked for. `Plan.reason` says for what."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlannedAround:
+class PlannedAround(NamedTuple):
     """The obstacles that a plan was made for."""
 
     circles: Array

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ CREEPS = 1e-3
 """Speed below which a command says nothing of how the wheels are steered [m/s]."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class DrivenPeriod:
+class DrivenPeriod(NamedTuple):
     """The past period, as innovation and adaptation want to see it."""
 
     pose: Array
@@ -115,7 +115,7 @@ class CommandHistory:
             if len(earlier):
                 earlier[-1] = command
         if self.driven is not None:
-            self.driven = replace(self.driven, command=command.copy())
+            self.driven = self.driven._replace(command=command.copy())
 
 
 def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Array:

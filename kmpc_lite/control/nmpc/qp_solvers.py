@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -27,8 +26,7 @@ class QPStatus(Enum):
     """Infeasible, bad data or not finite: there is no iterate."""
 
 
-@dataclass(frozen=True, eq=False)
-class QPSolution:
+class QPSolution(NamedTuple):
     """An iterate with its status; `x` and `y` are copies."""
 
     status: QPStatus

@@ -226,7 +226,7 @@ class SQP:
         """Take a share of the step to a QP's solution, and ask the model about it."""
         guess = run.trajectory
         states, inputs = found.states - guess.states, found.inputs - guess.inputs
-        run.step = max(float(np.abs(states).max()), float(np.abs(inputs).max()))
+        run.step = max(_largest(states), _largest(inputs))
         if share < 1.0:
             found = found._replace(
                 states=guess.states + share * states, inputs=guess.inputs + share * inputs
@@ -234,7 +234,7 @@ class SQP:
         past = command_windows(task.model.history, task.past, found.inputs)
         predicted = task.model.predict(found.states[:-1], found.inputs, past)
         run.trajectory = found
-        run.defect = float(np.abs(predicted - found.states[1:]).max())
+        run.defect = _largest(predicted - found.states[1:])
 
     def _in_bounds(self, inputs: Array, task: Task) -> Array:
         """Commands (N, 2) of a QP's solution within bounds, and within reach of the last one."""
@@ -246,3 +246,8 @@ class SQP:
         if isinstance(car, Car):
             inputs = car.steered(inputs, task.curvature, self.problem.dt)
         return self.problem.within_bounds(inputs) if self._couples else inputs
+
+
+def _largest(values: Array) -> float:
+    """Largest size of any value; NaN if one is."""
+    return float(np.maximum.reduce(np.abs(values), axis=None))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -128,7 +127,7 @@ class Guide:
             guidance = self._follow(state, now, state.path, refreshed, switched)
         if state.turning_centre is None:
             return guidance
-        return replace(guidance, states=seen_from(guidance.states, -state.turning_centre))
+        return guidance._replace(states=seen_from(guidance.states, -state.turning_centre))
 
     def _take_over_centre(self, state: GuideState, centre: Array | None) -> None:
         """Plan for another turning centre; the path is kept until there is one for it."""

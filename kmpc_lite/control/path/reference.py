@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,8 +20,7 @@ TOLD_STALLS = 2
 was tried and did not help either."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Guidance:
+class Guidance(NamedTuple):
     """Where to steer."""
 
     states: Array

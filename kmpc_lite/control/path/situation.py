@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Solids
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GuideTask:
+class GuideTask(NamedTuple):
     """From where to where, among what; poses are those of the tracked point."""
 
     pose: Array
@@ -46,8 +44,7 @@ class GuideTask:
     """That was commanded last, in either direction [m/s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Situation:
+class Situation(NamedTuple):
     """Robot, goal and obstacles now; poses are those of the turning centre."""
 
     pose: Array

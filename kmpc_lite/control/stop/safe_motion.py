@@ -184,7 +184,7 @@ class SafeMotions:
         far += float(task.margins.of_motions(task.felt, *one)[0]) + time * task.around.fastest()
         places = places_of(self._footprint, here)
         nearest = task.around.clearance(places[None, None], np.zeros(1), places) - self._radius
-        return bool((nearest > far).all())
+        return bool(np.minimum.reduce(nearest, axis=None, initial=np.inf) > far)
 
     def _stands_at_once(self, task: MotionTask) -> bool:
         """Whether the robot stands in the period in which it is told to."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +14,8 @@ from kmpc_lite.control.kernels.clearance import (
     SPREAD_MAX,
     SPREAD_RATE,
     VELOCITY,
+    some_move,
+    some_spread,
 )
 from kmpc_lite.types import Array
 
@@ -23,56 +23,71 @@ if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Nearby
 
 
-@dataclass(frozen=True, eq=False)
+NONE = np.empty((0, COLUMNS))
+KNOWN = np.empty(0)
+
+
 class Surroundings:
     """Things around a robot.
 
     A moving obstacle counts twice: where its velocity leads it, and wherever it can turn to.
+
+    Parameters
+    ----------
+    things : ndarray
+        (M, 7) what is round, as it is now: a table of `kernels.clearance`.
+    nearby : Nearby, optional
+        Solids that the robot can come to.
+    perhaps : ndarray
+        (P, 7) what may be walking, and is else known as something that stands.
+    unsure : ndarray
+        (M,) what is not known of the speeds of things; (0,) if all are known.
+    swerve_time : float
+        For how long a moving obstacle may walk in any direction [s].
+    known : float
+        How far from the middles of the robot's circles everything is known [m].
+    emerging_speed : float
+        At which something may come out of what is not known [m/s].
+    unknown : Nearby, optional
+        What scans have not shown to be free, where something may come out of it.
+    kernels : Kernels
+        Measure distances.
+
+    Attributes
+    ----------
+    turning : ndarray
+        (W, 7) what may turn: spreads from where it is, as fast as it can be walking.
     """
 
-    things: Array
-    """(M, 7) what is round, as it is now: a table of `kernels.clearance`."""
-    nearby: Nearby | None = None
-    """Solids that the robot can come to."""
-    perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
-    """(P, 7) what may be walking, and is else known as something that stands."""
-    unsure: Array = field(default_factory=lambda: np.empty(0))
-    """(M,) what is not known of the speeds of things; none where all are known."""
-    swerve_time: float = 0.0
-    """For how long a moving obstacle may walk in any direction [s]."""
-    known: float = math.inf
-    """How far from the middles of the robot's circles everything is known [m]."""
-    emerging_speed: float = 0.0
-    """At which something may come out of what is not known [m/s]."""
-    unknown: Nearby | None = None
-    """What scans have not shown to be free, where something may come out of it."""
-    kernels: Kernels = NUMPY
-    """Measure distances."""
-
-    @cached_property
-    def turning(self) -> Array:
-        """What may turn (W, 7): spreads from where it is, as fast as it can be walking."""
-        everything = np.concatenate([self.things, self.perhaps])
-        speeds = np.hypot(*everything[:, VELOCITY].T)
-        speeds[: len(self.unsure)] += self.unsure
-        everything[:, VELOCITY] = 0.0
-        everything[:, SPREAD_RATE] = speeds
-        everything[:, SPREAD_MAX] = speeds * self.swerve_time
-        found: Array = everything[speeds > 0.0]
-        return found
-
-    @cached_property
-    def _all(self) -> Array:
-        """Things (M + W, 7) where their velocities lead them, then what may turn."""
-        straight = self.things.copy()
-        straight[:, SPREAD] = 0.0
-        return np.concatenate([straight, self.turning])
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether there is nothing to stay clear of."""
-        something = len(self.things) or len(self.perhaps) or self.nearby
-        return not something and self.known == math.inf
+    def __init__(
+        self,
+        things: Array,
+        nearby: Nearby | None = None,
+        perhaps: Array = NONE,
+        unsure: Array = KNOWN,
+        swerve_time: float = 0.0,
+        known: float = math.inf,
+        emerging_speed: float = 0.0,
+        unknown: Nearby | None = None,
+        kernels: Kernels = NUMPY,
+    ) -> None:
+        self.things, self.nearby, self.unknown, self.kernels = things, nearby, unknown, kernels
+        self.known, self.emerging_speed = known, emerging_speed
+        self.is_empty = not (len(things) or len(perhaps) or nearby) and known == math.inf
+        self.turning, straight = NONE, things
+        if len(perhaps) or some_move(things) or np.count_nonzero(unsure):
+            turning = np.concatenate([things, perhaps])
+            speeds = np.hypot(turning[:, 3], turning[:, 4])
+            speeds[: len(unsure)] += unsure
+            turning[:, VELOCITY] = 0.0
+            turning[:, SPREAD_RATE] = speeds
+            turning[:, SPREAD_MAX] = speeds * swerve_time
+            self.turning = turning[speeds > 0.0]
+        if some_spread(things):
+            straight = things.copy()
+            straight[:, SPREAD] = 0.0
+        # things where their velocities lead them, then what may turn
+        self._all = np.concatenate([straight, self.turning]) if len(self.turning) else straight
 
     @property
     def may_turn(self) -> Array:
@@ -82,7 +97,7 @@ class Surroundings:
 
     def fastest(self) -> float:
         """Largest speed at which anything may come nearer [m/s]."""
-        walking = self.turning[:, SPREAD_RATE].max(initial=0.0)
+        walking = np.maximum.reduce(self.turning[:, SPREAD_RATE], initial=0.0)
         return float(
             max(walking, self.emerging_speed if self.unknown or self.known < math.inf else 0.0)
         )
@@ -120,7 +135,7 @@ class Surroundings:
             least = self.unknown.least(points.reshape(-1, 2), self.kernels)
             least = least.reshape(*points.shape[:3], 1) - self.emerging_speed * times[:, None, None]
             found.append(least)
-        return np.concatenate(found, axis=-1)
+        return found[0] if len(found) == 1 else np.concatenate(found, axis=-1)
 
     def slopes(self, here: Array, pose: Array, step: float) -> Array:
         """By how much clearances grow with the pose, in the robot's frame (E, K, 3).
