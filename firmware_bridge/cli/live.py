@@ -123,14 +123,11 @@ class Showing:
             last = Shown()
             self._viewer.start(scenario, job.period, lambda: self.records(session, last))
         yield
-        from firmware_bridge.runtime.drive import SIGNALS, outcome_words
+        from firmware_bridge.runtime.drive import ending
 
-        navigator, stop = job.navigator, session.loop.stop_reason
-        over = outcome_words(navigator, stop if stop in SIGNALS else "")
-        if not navigator.arrived and navigator.reason:
-            over += f"; the controller: {navigator.reason}"
+        ended = ending(job.navigator, session)
         if self._feed is not None:
-            self._feed.say({**self.packet(session), "over": over})
+            self._feed.say({**self.packet(session), "over": ended["ended"] or ended["outcome"]})
 
     def records(self, session: Session, last: Shown) -> list[Record]:
         """Give what is new, for Foxglove."""

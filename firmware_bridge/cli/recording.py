@@ -162,7 +162,7 @@ class DriveRecorder:
             "clearance": report["clearance_m"],
             "errors": None if None in errors else errors,
         }
-        words = "; ".join([report["outcome"], *report["why"]])
+        words = report["ended"] or report["outcome"]
         loop = {key: report["loop"][key] for key in ("commands_sent", "commands_refused")}
         self._file.put(Ended(time.monotonic(), {**told, "words": words, **loop}))
 

@@ -11,9 +11,10 @@ from typing import Any, Protocol, TextIO
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
+from firmware_bridge.runtime.loop import FINISHED
 from firmware_bridge.runtime.navigator import Moment, Navigator
 from firmware_bridge.runtime.observer import Observer
-from firmware_bridge.runtime.reasons import told_once
+from firmware_bridge.runtime.reasons import ended_words, told_once
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
 from firmware_bridge.safety.gate_table import GateState
@@ -104,18 +105,12 @@ def run(
 
         with watched(session):
             session.drive(finished)
-        navigator.look(session.driver.state())
-        report = {"outcome": "", **navigator.report(), "why": [], **session.report()}
-        report["notes"] = list(notes)
+            navigator.look(session.driver.state())
         interrupted = session.loop.stop_reason in SIGNALS
-        if examiner is not None:
-            report["rehearsal"] = examiner.finish()
-        ended_by = session.loop.stop_reason if interrupted else trouble()
-        report["outcome"] = outcome_words(navigator, ended_by)
-        if not navigator.arrived and not trouble():
-            controller = f"the controller: {navigator.reason}" if navigator.reason else ""
-            why = told_once(session.loop.why_stopped, session.words())
-            report["why"] = [*why, *filter(None, (controller,))]
+        examined = {} if examiner is None else {"rehearsal": examiner.finish()}
+        ended = ending(navigator, session)
+        report = {**ended, **navigator.report(), **session.report(), **examined}
+        report["notes"] = list(notes)
         session.logs.finish(report)
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:
@@ -135,6 +130,23 @@ def _moment(session: Session, state: State) -> Moment:
 def _did_it(navigator: Navigator) -> bool:
     """Whether the last goal is held; in a loop, whether each goal was."""
     return navigator.arrived or (navigator.route.loop and navigator.route.rounds > 0)
+
+
+def ending(navigator: Navigator, session: Session) -> dict[str, Any]:
+    """How a run ended, for JSON: `outcome`, `why`, and both in one sentence, `ended`."""
+    stop = session.loop.stop_reason
+    stop = "" if stop == FINISHED else stop
+    outcome = outcome_words(navigator, stop)
+    why: list[str] = []
+    if not navigator.arrived and (not stop or stop in SIGNALS):
+        controller = f"the controller: {navigator.reason}" if navigator.reason else ""
+        why = told_once(session.loop.why_stopped, session.words())
+        why += filter(None, (controller,))
+    ended = ""
+    if not navigator.arrived or navigator.touched:
+        told = navigator.report()["duration_s"], navigator.errors(), navigator.route.words
+        ended = ended_words(outcome, *told, why)
+    return {"outcome": outcome, "ended": ended, "why": why}
 
 
 def outcome_words(navigator: Navigator, stop: str) -> str:
@@ -182,7 +194,7 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
         lines.append(
             f"{loop['errors'] + loop['controller_errors']} errors, the last: {loop['last_error']}"
         )
-    lines += [f"why: {why}" for why in report["why"]]
+    lines += [f"why: {report['ended']}"] if report["ended"] else []
     if "rehearsal" in report:
         lines.append(f"rehearsal: {report['rehearsal']['text']}")
     lines += [f"recorded to {', '.join(report['files'])}"] if report["files"] else []

@@ -23,6 +23,8 @@ from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import GateState, Reason
 from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
+FINISHED = "finished"
+"""Why a drive is stopped that has come to its end."""
 GIVE_UP = 2.0
 """How long after the ramp and the hold a board may take to obey the release [s]."""
 DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.inf, ready=False)
@@ -153,7 +155,7 @@ class ControlLoop:
                 now = self._clock()
                 self.statistics.late.add(max(0.0, now - deadline))
                 if self.stop_reason == "" and finished is not None and finished():
-                    self.request_stop("finished")
+                    self.request_stop(FINISHED)
                 if self.stop_reason and stopping_since is None:
                     stopping_since, self.why_stopped = now, self.why()
                     self.gate.stop()

@@ -1,7 +1,8 @@
-"""Why a robot does not drive, each reason once."""
+"""Why a robot does not drive, each reason once; and how a drive ended, in one sentence."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 
@@ -16,6 +17,36 @@ def told_once(reasons: Iterable[str], words: Iterable[str]) -> list[str]:
     known = list(dict.fromkeys(reasons))
     more = (text for text in words if not any(_gist(text) in reason for reason in known))
     return [*known, *dict.fromkeys(more)]
+
+
+def ended_words(
+    what: str, after: float, errors: tuple[float, float], goal: str, why: Iterable[str]
+) -> str:
+    """Say in one sentence how a drive ended that did not arrive: the same wherever it is shown.
+
+    Parameters
+    ----------
+    what : str
+        Happened.
+    after : float
+        Time since the robot was first let drive [s].
+    errors : tuple
+        Distance to the goal [m] and heading error [rad]; infinite if no pose is known.
+    goal : str
+        Which goal of how many; empty for a single one.
+    why : iterable of str
+        What kept it from arriving.
+
+    Examples
+    --------
+    >>> ended_words("time is up", 20.0, (0.52, 0.1), "", ["no passage is wide enough"])
+    'time is up after 20.0 s, 0.52 m and 0.10 rad from the goal: no passage is wide enough'
+    """
+    distance, turn = errors
+    known = f", {distance:.2f} m and {turn:.2f} rad from {goal or 'the goal'}"
+    where = known if math.isfinite(distance) else ""
+    reasons = "; ".join(why)
+    return f"{what} after {after:.1f} s{where}" + (f": {reasons}" if reasons else "")
 
 
 def _gist(text: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_bridge.runtime.reasons import ended_words
 from firmware_bridge.runtime.route import Route
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.geometry import distances, wrap
@@ -28,15 +29,14 @@ def why_not(
     """Say in one sentence why a drive that ended at a state (3,) did not arrive; else nothing."""
     if outcome is Outcome.REACHED:
         return {}
-    if outcome is Outcome.COLLISION:
-        return {"ended": f"the robot touched an obstacle after {duration:.1f} s"}
     goal = np.array(route.goal)
-    distance, turn = float(distances(x, goal)), abs(wrap(float(x[2]) - goal[2]))
+    errors = float(distances(x, goal)), abs(wrap(float(x[2]) - goal[2]))
+    if outcome is Outcome.COLLISION:
+        return {"ended": ended_words("touched an obstacle", duration, errors, route.words, ())}
     reason = plan.reason or "the robot was still driving"
     if plan.holding:
         reason = (
             f"the robot holds, but arrived means within {scenario.tolerance:g} m and "
             f"{scenario.heading_tolerance:g} rad"
         )
-    where = f"{distance:.2f} m and {turn:.2f} rad from {route.words or 'the goal'}"
-    return {"ended": f"time is up after {duration:.1f} s, {where}: {reason}"}
+    return {"ended": ended_words("time is up", duration, errors, route.words, (reason,))}

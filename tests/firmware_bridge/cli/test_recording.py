@@ -30,6 +30,7 @@ STATUS = LinkStatus(
 )
 REPORT = {
     "outcome": "time is up",
+    "ended": "time is up after 1.5 s, 0.30 m and 0.10 rad from the goal: board not heard",
     "why": ["board not heard"],
     "touched": False,
     "arrived_after_s": None,
@@ -99,7 +100,7 @@ def test_a_drive_is_recorded_as_it_happened(
     run = load_drive(tmp_path)
     details = run.details
     assert details is not None and run.outcome is Outcome.TIMEOUT and run.duration == 1.5
-    assert run.info["ended"] == "time is up; board not heard"
+    assert run.info["ended"] == REPORT["ended"]
     assert (run.position_error, run.heading_error) == (0.3, 0.1)
     assert run.info["u_min"] == [-0.4, -1.0] and run.info["command"] == "kmpc run --x <script>"
     assert len(details.times) == 50 and len(details.sent) == 50 and len(details.measured) == 50

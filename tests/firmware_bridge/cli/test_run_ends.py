@@ -76,7 +76,7 @@ def test_a_drive_that_does_not_arrive_is_exit_status_1_and_people_are_told_what_
         "command spacing, off by",
     ):
         assert words in out
-    assert "why: board not ready" not in out, "it was given back by us"
+    assert "board not ready" not in out, "it was given back by us"
     assert "\x1b" not in out  # no terminal, no picture
 
 
@@ -109,8 +109,10 @@ def test_a_controller_that_will_not_drive_says_why_at_the_end(desk, capsys):
         Path("blocked.toml").write_text(FAR.replace("[[0.4, 0.45, 0.1]]", str(ring)))
         command = ["run", *robot_options("roboclaw"), "--scenario", "blocked.toml"]
         assert main([*command, "--seconds", "4", "--json"]) == 1
-    why = json.loads(capsys.readouterr().out)["why"]
+    report = json.loads(capsys.readouterr().out)
+    why = report["why"]
     assert len(why) == 1 and why[0].startswith("the controller: "), why
+    assert report["ended"].startswith("time is up after 4") and report["ended"].endswith(why[0])
 
 
 def test_kill_9_leaves_the_robot_to_the_boards_own_watchdog(desk):
