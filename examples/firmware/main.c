@@ -12,12 +12,12 @@
 
 enum { TICK = 20 /* ms */, REPORT_EVERY = 5 /* ticks */, AT_ONCE = 256 /* bytes */, PASSES = 2 };
 
-static void send_wheels(const real *command)
+static void send_wheels(real speed, real turn_rate)
 {
     unsigned char payload[8], frame[KMPC_FRAME], *at = payload;
-    const real turn = command[1] * TRACK / 2;
-    at = kmpc_put_float(at, (float)(command[0] - turn));
-    kmpc_put_float(at, (float)(command[0] + turn));
+    const real turn = turn_rate * TRACK / 2;
+    at = kmpc_put_float(at, (float)(speed - turn));
+    kmpc_put_float(at, (float)(speed + turn));
     board_write(BOARD_MOTORS, frame, kmpc_encode(KMPC_TELL_WHEELS, payload, sizeof(payload), frame));
 }
 
@@ -38,7 +38,7 @@ int main(void)
     uint32_t due = board_milliseconds();
     for (uint32_t tick = 0;; tick++) {
         kmpc_host_tick(&host, board_milliseconds(), command);
-        send_wheels(command);
+        send_wheels(command[0], command[1]);
         board_feed_watchdog();
         if (tick % REPORT_EVERY == 0 || host.asked)
             board_write(BOARD_HOST, frame, kmpc_host_report(&host, board_milliseconds(), frame));

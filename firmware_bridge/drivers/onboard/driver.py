@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ from firmware_bridge.drivers.onboard.messages import (
     parse,
     pose,
     rows,
+    velocity,
 )
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Transport
@@ -33,8 +35,38 @@ TICK = 0.1
 """Between heartbeats [s]: the board stops without any for 0.5 s."""
 REPEAT = 3
 """Heartbeats between repetitions of obstacles and path, which hold for 1 and 2 s."""
+WAYS = 50
+"""Telemetry by which a board's clock is known: of five seconds."""
 SILENT = 0.5
 """Telemetry that is older shows a board that is gone [s]."""
+
+
+class BoardClock:
+    """What a board's clock is at: from its telemetry, of which the fastest came at once.
+
+    A board that is thought to be behind takes what it is sent for older than it is: it stops
+    rather too early.
+    """
+
+    def __init__(self) -> None:
+        self._ways: deque[float] = deque(maxlen=WAYS)
+        self._newest = -math.inf
+
+    @property
+    def known(self) -> bool:
+        """Whether it has been heard."""
+        return bool(self._ways)
+
+    def hear(self, uptime: float, stamp: float) -> None:
+        """Take its clock [s], heard at `stamp` [s]."""
+        if uptime < self._newest:  # it was switched off and on
+            self._ways.clear()
+        self._newest = uptime
+        self._ways.append(stamp - uptime)
+
+    def at(self, stamp: float) -> float:
+        """Its clock [s] at a time of ours [s]."""
+        return stamp - min(self._ways)
 
 
 @dataclass(frozen=True)
@@ -92,6 +124,7 @@ class OnboardDriver:
         self._pose: tuple[float, float, float] | None = None
         self._pose_stamp = -math.inf
         self._beats = 0
+        self._clock = BoardClock()
         self._counters = dict.fromkeys(("stale_commands", "refused_commands", "refused"), 0)
         self.about: About | None = None
         """The board's controller, once it has said what it is."""
@@ -112,7 +145,9 @@ class OnboardDriver:
         self._thread = threading.Thread(target=self._run, name="bridge-onboard", daemon=True)
         self._thread.start()
         with self._lock:
-            known = self._lock.wait_for(lambda: self.about is not None, timeout)
+            known = self._lock.wait_for(
+                lambda: self.about is not None and self._clock.known, timeout
+            )
         if not known:
             why = self._transport.last_error or (
                 f"{self._frames.bad} frames came and none made sense: another baud rate or version?"
@@ -179,7 +214,8 @@ class OnboardDriver:
             raise ValueError(f"pose: expected finite numbers, got {(x, y, theta)}")
         with self._lock:
             self._pose, self._pose_stamp = (x, y, theta), stamp
-            self._transport.write(pose(x, y, theta, time.monotonic() - stamp))
+            if self._clock.known:
+                self._transport.write(pose(x, y, theta, self._clock.at(stamp)))
 
     def send_model(self, numbers: Mapping[str, Any]) -> None:
         """Have it predict by another model: `kmpc_lite.embedded.model_numbers` works it out."""
@@ -238,7 +274,8 @@ class OnboardDriver:
 
     def _set(self, v: float, omega: float) -> None:
         self._command, self._stamp = (v, omega), time.monotonic()
-        self._transport.write(message(Kind.VELOCITY, floats((v, omega))))
+        if self._clock.known:
+            self._transport.write(velocity(v, omega, self._clock.at(self._stamp)))
 
     def _on_bytes(self, data: bytes, stamp: float) -> None:
         for body in self._frames.feed(data):
@@ -248,6 +285,7 @@ class OnboardDriver:
                     self.about = said
                 elif said is not None:
                     self.telemetry = said
+                    self._clock.hear(said.uptime, said.stamp)
                 else:
                     self._counters["refused"] += 1
                 self._lock.notify_all()

@@ -126,10 +126,18 @@ def heartbeat(number: int) -> bytes:
     return message(Kind.HEARTBEAT, struct.pack("<I", number & 0xFFFFFFFF))
 
 
-def pose(x: float, y: float, theta: float, age: float) -> bytes:
-    """Say where the robot was `age` [s] ago: [m, m, rad]."""
-    milliseconds = min(max(round(1e3 * age), 0), NO_POSE)
-    return message(Kind.POSE, floats((x, y, theta)) + struct.pack("<H", milliseconds))
+def pose(x: float, y: float, theta: float, uptime: float) -> bytes:
+    """Say where the robot was [m, m, rad] when its clock was at `uptime` [s]."""
+    return message(Kind.POSE, floats((x, y, theta)) + _milliseconds(uptime))
+
+
+def velocity(v: float, omega: float, uptime: float) -> bytes:
+    """Say how fast to drive [m/s, rad/s]: asked when its clock was at `uptime` [s]."""
+    return message(Kind.VELOCITY, floats((v, omega)) + _milliseconds(uptime))
+
+
+def _milliseconds(uptime: float) -> bytes:
+    return struct.pack("<I", round(1e3 * uptime) & 0xFFFFFFFF)
 
 
 def rows(kind: Kind, table: Sequence[Sequence[float]]) -> bytes:

@@ -48,13 +48,20 @@ static int floats_of(const unsigned char *payload, int count, real *out)
     return 0;
 }
 
+/* Time since a pose or a velocity was true [ms]. */
+static uint32_t measured_age(const struct kmpc_host *host, uint32_t now, int kind)
+{
+    const uint32_t age = now - host->measured[kind];
+    return age > (uint32_t)-KMPC_AHEAD ? 0 : age;
+}
+
 static int take_pose(struct kmpc_host *host, const unsigned char *payload, int size)
 {
     real pose[3];
-    if (size != 3 * FLOAT + 2 || floats_of(payload, 3, pose))
+    if (size != 3 * FLOAT + 4 || floats_of(payload, 3, pose))
         return 1;
     memcpy(host->pose, pose, sizeof(pose));
-    host->pose_age = kmpc_get(payload + 3 * FLOAT, 2);
+    host->measured[KMPC_SAY_POSE] = kmpc_get(payload + 3 * FLOAT, 4);
     return 0;
 }
 
@@ -104,19 +111,28 @@ static int take_model(const unsigned char *payload, int size)
     return kmpc_set_model(&model);
 }
 
-/* Where to, in one of three ways: the last one counts. */
-static int take_goal(struct kmpc_host *host, int kind, const unsigned char *payload, int size)
+/* Where to: a goal, or nothing, which is none. */
+static int take_goal(struct kmpc_host *host, const unsigned char *payload, int size)
 {
-    real numbers[3];
-    const int count = kind == KMPC_SAY_GOAL ? 3 : 2;
-    if ((size != count * FLOAT && (size || kind != KMPC_SAY_GOAL)) ||
-        floats_of(payload, size / FLOAT, numbers))
+    real goal[3];
+    if ((size && size != 3 * FLOAT) || floats_of(payload, size / FLOAT, goal))
+        return 1;
+    forget(host, KMPC_SAY_VELOCITY);
+    forget(host, KMPC_SAY_GOAL);
+    if (size)
+        memcpy(host->goal, goal, sizeof(goal));
+    return !size;
+}
+
+static int take_velocity(struct kmpc_host *host, const unsigned char *payload, int size)
+{
+    real velocity[2];
+    if (size != 2 * FLOAT + 4 || floats_of(payload, 2, velocity))
         return 1;
     forget(host, KMPC_SAY_GOAL);
-    forget(host, KMPC_SAY_VELOCITY);
-    if (size)
-        memcpy(count == 3 ? host->goal : host->velocity, numbers, (size_t)count * sizeof(real));
-    return !size; /* to stand is no goal */
+    memcpy(host->velocity, velocity, sizeof(velocity));
+    host->measured[KMPC_SAY_VELOCITY] = kmpc_get(payload + 2 * FLOAT, 4);
+    return 0;
 }
 
 /* Take a message; nonzero if it says nothing. */
@@ -129,8 +145,9 @@ static int take_message(struct kmpc_host *host, int kind, const unsigned char *p
     case KMPC_SAY_POSE:
         return take_pose(host, payload, size);
     case KMPC_SAY_GOAL:
+        return take_goal(host, payload, size);
     case KMPC_SAY_VELOCITY:
-        return take_goal(host, kind, payload, size);
+        return take_velocity(host, payload, size);
     case KMPC_SAY_OBSTACLES:
         return take_obstacles(host, payload, size);
     case KMPC_SAY_PATH:
@@ -166,7 +183,8 @@ void kmpc_host_take(struct kmpc_host *host, uint32_t now, unsigned char byte)
 /* Whether it was said lately; what was not is forgotten, before the clock wraps. */
 static int holds(struct kmpc_host *host, uint32_t now, int kind, uint32_t longest)
 {
-    if (age_of(host, now, kind) > longest)
+    const int dated = kind == KMPC_SAY_POSE || kind == KMPC_SAY_VELOCITY;
+    if (age_of(host, now, kind) > longest || (dated && measured_age(host, now, kind) > longest))
         forget(host, kind);
     return was_said(host, kind);
 }
@@ -182,14 +200,23 @@ static enum kmpc_standing why_not(struct kmpc_host *host, uint32_t now)
         return KMPC_NO_GOAL;
     if (!holds(host, now, KMPC_SAY_HEARTBEAT, KMPC_HEARTBEAT_LASTS))
         return KMPC_HOST_SILENT;
-    if (!holds(host, now, KMPC_SAY_POSE, KMPC_POSE_LASTS) ||
-        host->pose_age + age_of(host, now, KMPC_SAY_POSE) > KMPC_POSE_LASTS)
+    if (!holds(host, now, KMPC_SAY_POSE, KMPC_POSE_LASTS))
         return KMPC_POSE_OLD;
     if (!holds(host, now, KMPC_SAY_OBSTACLES, KMPC_OBSTACLES_LAST))
         return KMPC_OBSTACLES_OLD;
     if (host->poses && !holds(host, now, KMPC_SAY_PATH, KMPC_PATH_LASTS))
         return KMPC_PATH_OLD;
     return KMPC_DRIVES;
+}
+
+/* The pose, moved on by its age at the last command. */
+static void pose_now(const struct kmpc_host *host, uint32_t now, real *pose)
+{
+    const real age = (real)measured_age(host, now, KMPC_SAY_POSE) / 1000;
+    const real turned = age * host->plan.command[1], middle = host->pose[2] + turned / 2;
+    pose[0] = host->pose[0] + age * host->plan.command[0] * M(cos)(middle);
+    pose[1] = host->pose[1] + age * host->plan.command[0] * M(sin)(middle);
+    pose[2] = host->pose[2] + turned;
 }
 
 /* Plan a period; without a pose that is known, the last way to a stop is driven on. */
@@ -203,7 +230,7 @@ static void plan(struct kmpc_host *host, uint32_t now)
         for (int j = 0; j < 2; j++)
             circle[5 * i + j] += age * circle[5 * i + 3 + j];
     if (host->standing == KMPC_DRIVES) {
-        memcpy(input.pose, host->pose, sizeof(input.pose));
+        pose_now(host, now, input.pose);
         memcpy(input.goal, host->goal, sizeof(input.goal));
     } else if (host->standing == KMPC_OBSTACLES_OLD) {
         input.circles = 0;
@@ -250,8 +277,8 @@ int kmpc_host_report(struct kmpc_host *host, uint32_t now, unsigned char *frame)
         return kmpc_encode(KMPC_TELL_ABOUT, payload, (int)(at - payload), frame);
     }
     uint32_t age = 0xffff; /* of the pose [ms], as far as two bytes go */
-    if (was_said(host, KMPC_SAY_POSE) && age_of(host, now, KMPC_SAY_POSE) + host->pose_age < age)
-        age = age_of(host, now, KMPC_SAY_POSE) + host->pose_age;
+    if (was_said(host, KMPC_SAY_POSE) && measured_age(host, now, KMPC_SAY_POSE) < age)
+        age = measured_age(host, now, KMPC_SAY_POSE);
     at = kmpc_put(at, now, 4);
     at = kmpc_put(at, host->sequence, 4);
     at = kmpc_put(at, host->decoder.good, 4);

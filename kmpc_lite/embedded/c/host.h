@@ -20,7 +20,8 @@ enum {
     KMPC_VELOCITY_LASTS = 250,
     KMPC_HEARTBEAT_LASTS = 500,
     KMPC_OBSTACLES_LAST = 1000,
-    KMPC_PATH_LASTS = 2000
+    KMPC_PATH_LASTS = 2000,
+    KMPC_AHEAD = 50 /* what seems to be of a later time by more is not believed */
 };
 
 enum kmpc_standing { /* why the robot stands, or comes to rest */
@@ -40,7 +41,8 @@ struct kmpc_host {
     int passes; /* most passes of a step; 0: as many as Python */
     /* what was said, and when [ms]; `said` has a bit for each kind */
     uint32_t said, heard[16];
-    uint32_t sequence, pose_age, due;
+    uint32_t sequence, due;
+    uint32_t measured[16]; /* the robot's time of what was said, of a pose and a velocity [ms] */
     real pose[3], goal[3], velocity[2], circle[5 * KMPC_THINGS], path[3 * KMPC_PATH];
     int circles, poses;
     enum kmpc_standing standing;

@@ -2,7 +2,8 @@
  *
  * A message is one byte of version, one of kind, its payload, and CRC-16/XMODEM of all that, high
  * byte first; COBS removes its zeros, and a zero ends it. Numbers are little-endian; a float is an
- * IEEE 754 single. Whatever else comes is counted and passed over. The Python twin is
+ * IEEE 754 single. The host reckons the robot's time from what it is told, so that what waited on
+ * the line is old when it comes. Whatever else comes is counted and passed over. The Python twin is
  * `firmware_bridge.drivers.onboard.messages`.
  */
 #ifndef KMPC_MESSAGES_H
@@ -23,12 +24,12 @@ enum {
 enum kmpc_kind {
     /* from the host */
     KMPC_SAY_HEARTBEAT = 1, /* u32 number, which telemetry repeats */
-    KMPC_SAY_POSE,          /* 3 floats [m, m, rad], u16 age [ms] */
+    KMPC_SAY_POSE,          /* 3 floats [m, m, rad], u32 the robot's time of it [ms] */
     KMPC_SAY_GOAL,          /* 3 floats [m, m, rad]; nothing: stand */
     KMPC_SAY_OBSTACLES,     /* 5 floats each: x, y, radius [m], vx, vy [m/s]; nothing: none */
     KMPC_SAY_PATH,          /* 3 floats each [m, m, rad]; nothing: straight to the goal */
     KMPC_SAY_MODEL,         /* struct kmpc_model: its ints as i16, its reals as floats */
-    KMPC_SAY_VELOCITY,      /* 2 floats [m/s, rad/s]: the host drives by itself */
+    KMPC_SAY_VELOCITY,      /* 2 floats [m/s, rad/s], u32 the robot's time of it [ms] */
     KMPC_SAY_ESTOP,         /* nothing: stand at once, until released */
     KMPC_SAY_RELEASE,       /* nothing: as if nothing had been said */
     KMPC_SAY_ASK,           /* nothing: who is there? */

@@ -58,11 +58,11 @@ def board(folder):
     return Board(folder)
 
 
-def everything(goal=(2.0, 0.0, 0.0), pose=(0.0, 0.0, 0.0)):
-    """What has a robot drive."""
+def everything(now, goal=(2.0, 0.0, 0.0)):
+    """What has a robot drive at a time of its clock [ms]."""
     return {
         "heartbeat": say.heartbeat(7),
-        "pose": say.pose(*pose, 0.01),
+        "pose": say.pose(0.0, 0.0, 0.0, (now - 10) / 1e3),
         "obstacles": say.rows(Kind.OBSTACLES, []),
         "path": say.rows(Kind.PATH, []),
         "goal": say.message(Kind.GOAL, say.floats(goal)),
@@ -89,8 +89,7 @@ def test_both_languages_build_and_read_the_same_frames(folder):
 
 
 def test_it_drives_once_all_has_been_said_and_stops_when_any_is_old(folder):
-    said = everything()
-    said["path"] = say.rows(Kind.PATH, [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
+    path = {"path": say.rows(Kind.PATH, [(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)])}
     whys = {
         "heartbeat": (500, "host silent"),
         "pose": (190, "pose too old"),  # 10 ms old when it was sent
@@ -99,25 +98,26 @@ def test_it_drives_once_all_has_been_said_and_stops_when_any_is_old(folder):
     }
     for missing, (lasts, why) in whys.items():
         board = Board(folder, now=2**32 - 300)  # its clock wraps meanwhile
-        board.take(b"".join(said.values()))
-        speeds, others = [], [frame for name, frame in said.items() if name != missing]
+        board.take(b"".join((everything(board.now) | path).values()))
+        speeds = []
         for _ in range(150):
             speeds.append(board.tick()[0])
             told = board.report()
             elapsed = 20 * len(speeds) - 20
             assert told.standing == ("" if elapsed <= lasts else why)
             board.now = (board.now + 20) % 2**32
-            board.take(b"".join(others))
+            said = everything(board.now) | path
+            board.take(b"".join(frame for name, frame in said.items() if name != missing))
         assert max(speeds) > 0.2 and speeds[-1] == 0.0
-        board.take(said[missing])
         board.now = (board.now + 100) % 2**32
+        board.take(b"".join((everything(board.now) | path).values()))
         assert board.tick()[0] > 0.0, "what is said again is believed again"
 
 
 def test_what_was_never_said_is_missed(board):
     for name in ("goal", "heartbeat", "pose", "obstacles"):
         assert board.report().standing != ""
-        board.take(everything()[name])
+        board.take(everything(board.now)[name])
         board.tick()
         board.now += 50
     assert board.tick()[0] > 0.0 and board.report().standing == ""
@@ -127,31 +127,43 @@ def test_what_was_never_said_is_missed(board):
 
 
 def test_an_emergency_stop_is_at_once_and_lasts(board):
-    board.take(b"".join(everything().values()))
+    board.take(b"".join(everything(board.now).values()))
     assert board.tick()[0] > 0.0
     board.take(say.message(Kind.ESTOP))
     assert board.tick() == (0.0, 0.0)
     for _ in range(20):
         board.now += 20
-        board.take(b"".join(everything().values()))
-        board.take(say.message(Kind.VELOCITY, say.floats((0.3, 0.0))))
+        board.take(b"".join(everything(board.now).values()))
+        board.take(say.velocity(0.3, 0.0, board.now / 1e3))
         assert board.tick() == (0.0, 0.0) and board.report().standing == "emergency stop"
     board.take(say.message(Kind.RELEASE))
     assert board.tick() == (0.0, 0.0) and board.report().standing == "no goal"
 
 
 def test_speeds_of_the_host_are_bounded_and_do_not_last(board):
-    board.take(say.message(Kind.VELOCITY, say.floats((9.0, -0.2))))
+    board.take(say.velocity(9.0, -0.2, 0.0))
     assert board.tick() == pytest.approx((0.6, -0.2))
     board.now += 251
     assert board.tick() == (0.0, 0.0)
     for wrong in ((np.nan, 0.0), (0.0, np.inf)):
-        board.take(say.message(Kind.VELOCITY, say.floats(wrong)))
+        board.take(say.velocity(*wrong, board.now / 1e3))
         assert board.tick() == (0.0, 0.0)
 
 
+def test_what_waited_on_the_line_is_old_when_it_comes(board):
+    """And what is said to be of a later time is not believed."""
+    for waited, moves in ((0, True), (240, False), (-40, True), (-300, False)):
+        board.now += 10_000
+        then = (board.now - waited) / 1e3
+        board.take(say.message(Kind.RELEASE) + b"".join(everything(board.now).values()))
+        board.take(say.pose(0.0, 0.0, 0.0, then))
+        assert (board.tick()[0] > 0.0) == moves
+        board.take(say.velocity(0.3, 0.0, (board.now - 1.1 * waited) / 1e3))
+        assert (board.tick()[0] > 0.0) == moves
+
+
 def test_it_says_what_it_is_and_how_it_is(board):
-    board.take(say.message(Kind.ASK) + say.heartbeat(41) + say.pose(1.0, 2.0, 0.5, 0.03))
+    board.take(say.message(Kind.ASK) + say.heartbeat(41) + say.pose(1.0, 2.0, 0.5, -0.03))
     about = board.report()
     assert isinstance(about, About)
     assert (about.horizon, about.history, about.circles, about.poses) == (8, 0, 24, 64)
@@ -172,7 +184,7 @@ def test_another_model_is_driven_from_then_on(folder):
     for told in (None, numbers, broken, weak):
         board = Board(folder)
         board.take(b"" if told is None else say.model(told))
-        board.take(b"".join(everything((1.0, 0.01, 0.02)).values()))
+        board.take(b"".join(everything(0, (1.0, 0.01, 0.02)).values()))
         commands.append(board.tick())
     board.take(say.model(numbers))
     assert commands[0] == pytest.approx(commands[1], abs=1e-4) == commands[2]
@@ -229,12 +241,12 @@ def test_garbage_breaks_nothing(folder, tmp_path):
 
 def test_noise_and_torn_frames_cost_themselves_only(board):
     random = np.random.default_rng(5)
-    board.take(b"".join(everything().values()))
+    board.take(b"".join(everything(board.now).values()))
     assert board.tick()[0] > 0.0
     for _ in range(40):
         board.now += 20
         board.take(random.integers(0, 256, 900, dtype=np.uint8).tobytes() + b"\0")
         torn = say.message(Kind.ESTOP)
-        board.take(torn[: len(torn) - 2] + b"\0" + b"".join(everything().values()))
+        board.take(torn[: len(torn) - 2] + b"\0" + b"".join(everything(board.now).values()))
         board.tick()
         assert board.report().standing == ""
