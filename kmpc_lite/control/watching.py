@@ -50,7 +50,7 @@ class Watching:
 
         self._answers, self._dt = answers, units.dt
         self._innovation = Innovation(units, options.pose)
-        self._sight = Sight(units, scale, options.sight, reach)
+        self._sight = Sight(units, scale, options.sight, reach, kernels)
         self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
         self._tracking = Tracking(units, options, kernels)
 

@@ -16,6 +16,8 @@ from kmpc_lite.control.kernels import (
     clusters,
     fill,
     safe_motion,
+    scan_beams,
+    scan_map,
     stop_errors,
     tracks,
 )
@@ -40,6 +42,12 @@ class Kernels:
     admissible: Callable[..., Array]
     clusters: Callable[..., Array]
     follow: Callable[..., tuple[Array, Array]]
+    told_beams: Callable[..., tuple[Array, Array, Array, Array]]
+    averaged_ranges: Callable[..., tuple[Array, Array]]
+    see_through: Callable[..., None]
+    mark: Callable[..., None]
+    hit_boxes: Callable[..., tuple[Array, Array]]
+    rectangles: Callable[[Array], Array]
     closed_form: Callable[[Any], Any]
     """Makes of a model's symmetric form (`kmpc_lite.model.symmetric`) one of these kernels."""
 
@@ -61,6 +69,12 @@ NUMPY = Kernels(
     admissible=safe_motion.admissible,
     clusters=clusters.clusters,
     follow=tracks.follow,
+    told_beams=scan_beams.told_beams,
+    averaged_ranges=scan_beams.averaged_ranges,
+    see_through=scan_map.see_through,
+    mark=scan_map.mark,
+    hit_boxes=scan_map.hit_boxes,
+    rectangles=scan_map.rectangles,
     closed_form=lambda form: form,
 )
 
@@ -68,11 +82,12 @@ NUMPY = Kernels(
 def compiled_kernels() -> Kernels | None:
     """The kernels in C; None where no compiler has built them."""
     try:
-        from kmpc_lite.control.kernels import compiled
+        from kmpc_lite.control.kernels import compiled, compiled_scan
     except ImportError:
         return None
     names = [field.name for field in fields(Kernels) if field.name != "compiled"]
-    return Kernels(True, **{name: getattr(compiled, name) for name in names})
+    found = vars(compiled_scan) | vars(compiled)
+    return Kernels(True, **{name: found[name] for name in names})
 
 
 def choose_kernels(compiled: bool | None) -> Kernels:

@@ -8,9 +8,7 @@ from functools import cached_property
 import numpy as np
 
 import kmpc_lite.control.kernels._kernels as c
-from kmpc_lite.control.kernels.compiled_scan import clusters as clusters
 from kmpc_lite.control.kernels.compiled_scan import dense as _dense
-from kmpc_lite.control.kernels.compiled_scan import follow as follow
 from kmpc_lite.control.kernels.fill import Around, Iterate, Numbers, PlanMargins
 from kmpc_lite.control.kernels.half_planes import KeepOut
 from kmpc_lite.control.kernels.tube import Noise

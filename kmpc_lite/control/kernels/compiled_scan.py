@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import kmpc_lite.control.kernels._kernels as c
+from kmpc_lite.control.kernels.scan_map import Bits, Cells, Singles
 from kmpc_lite.types import Array
 
 
@@ -18,8 +19,8 @@ def dense(array: Array) -> Array:
 def clusters(
     reach: Array,
     ends: Array,
-    hits: NDArray[np.bool_],
-    clear: NDArray[np.bool_],
+    hits: Bits,
+    clear: Bits,
     mount: Array,
     step: float,
     gap: float,
@@ -43,3 +44,84 @@ def follow(
     indices = np.empty(4 * rows + 3 * columns, dtype=np.intc)
     c.follow(dense(circles), dense(sources), after, found, room, indices, *numbers)
     return after, found
+
+
+def told_beams(
+    ranges: Array,
+    along: Array,
+    counts: Bits,
+    mount: Array,
+    least: float,
+    most: float,
+    own: float,
+) -> tuple[Bits, Bits, Array, Array]:
+    """As `scan_beams.told_beams`."""
+    beams = len(ranges)
+    kinds = np.empty(beams, dtype=bool), np.empty(beams, dtype=bool)
+    lengths = np.empty(beams), np.empty((beams, 2))
+    given = dense(ranges), dense(along), np.ascontiguousarray(counts), dense(mount)
+    c.told_beams(*given, *kinds, *lengths, least, most, own)
+    return *kinds, *lengths
+
+
+def averaged_ranges(
+    ranges: Array, hits: Bits, step: float, noise: float, half: float
+) -> tuple[Array, Array]:
+    """As `scan_beams.averaged_ranges`."""
+    found = np.empty(len(ranges)), np.empty(len(ranges))
+    c.averaged_ranges(dense(ranges), np.ascontiguousarray(hits), *found, step, noise, half)
+    return found
+
+
+def see_through(
+    state: Cells,
+    seen: Singles,
+    extent: Singles,
+    window: tuple[int, int, int, int],
+    place: tuple[float, int, int],
+    origin: tuple[float, float],
+    turn: tuple[float, float],
+    squares: Singles,
+    clock: float,
+    only_hit: bool,
+) -> None:
+    """As `scan_map.see_through`."""
+    cells, width = (state, seen, extent), state.shape[1]
+    c.see_through(*cells, squares, width, window, place, origin, turn, clock, only_hit)
+
+
+def mark(
+    state: Cells,
+    seen: Singles,
+    extent: Singles,
+    taken: Singles,
+    points: Array,
+    errors: Array,
+    place: tuple[float, int, int],
+    level: int,
+    clock: float,
+) -> None:
+    """As `scan_map.mark`."""
+    cells, width = (state, seen, extent, taken), state.shape[1]
+    c.mark(*cells, dense(points), dense(errors), width, place, level, clock)
+
+
+def hit_boxes(
+    state: Cells, extent: Singles, window: tuple[int, int, int, int], place: tuple[float, int, int]
+) -> tuple[Array, Array]:
+    """As `scan_map.hit_boxes`."""
+    top, bottom, left, right = window
+    most = max(bottom - top, 0) * max(right - left, 0)
+    low, high, count = np.empty((most, 2)), np.empty((most, 2)), np.empty(1, dtype=np.intc)
+    c.hit_boxes(state, extent, low, high, count, state.shape[1], window, place)
+    return low[: count[0]].copy(), high[: count[0]].copy()
+
+
+def rectangles(cells: Bits) -> NDArray[np.intc]:
+    """As `scan_map.rectangles`."""
+    height, width = cells.shape
+    most, count = width // 2 + 1, np.empty(1, dtype=np.intc)
+    found = np.empty((height * most, 4), dtype=np.intc)
+    room = np.empty(2 * most, dtype=np.intc)
+    c.rectangles(np.ascontiguousarray(cells), room, found, count, width)
+    return found[: count[0]].copy()

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.control.convex import FARTHEST
+from kmpc_lite.control.kernels.scan_map import rectangles
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
@@ -115,8 +116,8 @@ class OccupancyGrid:
                 f"grid: expected at most {limits.grid_runs:,} runs of occupied cells in its rows "
                 f"or columns, got {self.runs:,}: filter the noise, or make the cells larger"
             )
-        rows = rectangles_of(self.occupied)
-        columns = rectangles_of(self.occupied.T)[:, [1, 0, 3, 2]]
+        rows = rectangles(self.occupied)
+        columns = rectangles(self.occupied.T)[:, [1, 0, 3, 2]]
         self._blocks = rows if len(rows) <= len(columns) else columns
 
     @classmethod
@@ -255,27 +256,3 @@ def _runs(occupied: NDArray[np.bool_]) -> int:
     """How many runs of occupied cells the rows have."""
     begins = np.count_nonzero(occupied[:, 1:] & ~occupied[:, :-1])
     return int(begins + np.count_nonzero(occupied[:, 0]))
-
-
-def rectangles_of(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Rectangles (B, 4) of occupied cells: first column and row, and one past the last of each.
-
-    Each is a run of cells in a row, joined with equal runs of the rows that follow.
-    """
-    height, width = occupied.shape
-    padded = np.zeros((height, width + 2), dtype=np.int8)
-    padded[:, 1:-1] = occupied
-    # no run goes on from one row to the next: all rows are looked at as one
-    change = np.diff(padded.ravel())
-    rows, begins = np.divmod(np.flatnonzero(change == 1), width + 2)
-    ends = np.flatnonzero(change == -1) - (width + 2) * rows
-    # in one number: runs of equal columns stand one after the other, and a rectangle goes on while
-    # the rows do
-    runs = (begins * (width + 1) + ends) * (height + 1) + rows
-    runs.sort()
-    goes_on = runs[1:] == runs[:-1] + 1
-    first = np.flatnonzero(np.concatenate([[True], ~goes_on])[: len(runs)])
-    last = np.append(first[1:], len(runs)) - 1 if len(first) else first
-    columns, bottom = np.divmod(runs[first], height + 1)
-    left, right = np.divmod(columns, width + 1)
-    return np.stack([left, bottom, right, runs[last] % (height + 1) + 1], axis=1)

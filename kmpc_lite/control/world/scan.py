@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.control.convex import FARTHEST
 from kmpc_lite.control.input_checks import POSITION_LIMIT
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
@@ -169,60 +170,57 @@ class LaserScan:
         found: Array = self.age + self.time_increment * np.arange(len(self.ranges) - 1, -1, -1)
         return found
 
-    @cached_property
-    def ends(self) -> Array:
-        """Where the beams end in the robot's frame, (B, 2) [m]; the scanner, where unknown."""
-        found: Array = self.reach[:, None] * beams(*self.layout)[1] + self.mount[:2]
-        return found
-
-    @cached_property
-    def points(self) -> Array:
-        """End points of the hits in the robot's frame, (M, 2) [m]."""
-        found: Array = self.ends[self.hits]
-        return found
-
-    @cached_property
+    @property
     def hits(self) -> NDArray[np.bool_]:
         """Which beams hit something that is not the robot, (B,)."""
-        return self._kinds[0]
+        return self._told[0]
 
-    @cached_property
+    @property
     def clear(self) -> NDArray[np.bool_]:
         """Which beams saw nothing within `range_max`, (B,)."""
-        return self._kinds[1]
+        return self._told[1]
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
         """Which beams tell nothing, (B,)."""
         return ~(self.hits | self.clear)
 
-    @cached_property
+    @property
     def reach(self) -> Array:
         """How far each beam saw nothing, (B,) [m]: zero where it tells nothing."""
-        return np.where(self.hits, self.ranges, np.where(self.clear, self.range_max, 0.0))
+        return self._told[2]
+
+    @property
+    def ends(self) -> Array:
+        """Where the beams end in the robot's frame, (B, 2) [m]; the scanner, where unknown."""
+        return self._told[3]
+
+    @property
+    def points(self) -> Array:
+        """End points of the hits in the robot's frame, (M, 2) [m]."""
+        return self.ends[self.hits]
 
     @cached_property
-    def _kinds(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which beams hit something, and which saw nothing."""
-        ranges, directions = self.ranges, self.directions
-        clear = (ranges == np.inf) | (ranges == self.range_max)
-        hits = (ranges >= self.range_min) & (ranges > 0.0) & (ranges < self.range_max)
-        for begin, end in self.ignore:
-            told = np.mod(directions - begin, 2.0 * np.pi) > np.mod(end - begin, 2.0 * np.pi)
-            hits, clear = hits & told, clear & told
-        if self.self_radius > 0.0:
-            near = np.where(hits, ranges, 0.0)
-            x, y = (near[:, None] * beams(*self.layout)[1] + self.mount[:2]).T
-            hits &= np.hypot(x, y) > self.self_radius
-        return hits, clear
+    def _told(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array, Array]:
+        return self._tell(NUMPY)
+
+    def _tell(self, kernels: Kernels) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array, Array]:
+        """What each beam tells, as of `kernels.scan_beams.told_beams`."""
+        return kernels.told_beams(
+            self.ranges,
+            beams(*self.layout)[1],
+            counted(self.layout, self.ignore),
+            np.array(self.mount[:2]),
+            self.range_min,
+            self.range_max,
+            self.self_radius,
+        )
 
     def scaled(self, length: float, time: float) -> LaserScan:
         """Return the same in units of a length [m] and a time [s]."""
         if length == 1.0 and time == 1.0:
             return self
-        other = copy(self)
-        for name in ("ends", "points", "hits", "clear", "reach", "ages", "_kinds"):
-            other.__dict__.pop(name, None)
+        other = self._copy()
         for name in ("ranges", "range_max", "range_min", "noise", "self_radius"):
             object.__setattr__(other, name, getattr(self, name) / length)
         for name in ("age", "time_increment"):
@@ -231,18 +229,20 @@ class LaserScan:
         object.__setattr__(other, "mount", (x / length, y / length, heading))
         return other
 
-    def with_self_radius(self, radius: float) -> LaserScan:
+    def with_self_radius(self, radius: float, kernels: Kernels = NUMPY) -> LaserScan:
         """Return the scan with a `self_radius` [m] of at least this."""
         if radius <= self.self_radius:
             return self
-        other = copy(self)
+        other = self._copy()
         object.__setattr__(other, "self_radius", float(radius))
-        outside = np.hypot(self.ends[:, 0], self.ends[:, 1]) > radius
-        outside |= ~self.hits
-        if not outside.all():
-            for name in ("hits", "reach", "ends", "points"):
-                other.__dict__.pop(name, None)
-            other.__dict__["_kinds"] = self.hits & outside, self.clear
+        other.__dict__["_told"] = other._tell(kernels)
+        return other
+
+    def _copy(self) -> LaserScan:
+        """Return the same, of which nothing is known beyond what was given."""
+        other = copy(self)
+        for name in ("_told", "ages", "directions"):
+            other.__dict__.pop(name, None)
         return other
 
 
@@ -257,6 +257,16 @@ def beams(
     for array in (directions, along):
         array.flags.writeable = False
     return directions, along
+
+
+@lru_cache(maxsize=16)
+def counted(layout: Layout, ignore: tuple[Sector, ...]) -> NDArray[np.bool_]:
+    """Which of a scanner's beams (B,) lie in no sector that tells nothing."""
+    directions = beams(*layout)[0]
+    found = np.ones(len(directions), dtype=bool)
+    for begin, end in ignore:
+        found &= np.mod(directions - begin, 2.0 * np.pi) > np.mod(end - begin, 2.0 * np.pi)
+    return found
 
 
 def _number(name: str, value: Any, least: float, most: float = FARTHEST) -> float:

@@ -8,6 +8,7 @@ import pickle
 
 import numpy as np
 import pytest
+from seen_maps import hit_boxes
 
 import kmpc_lab
 import kmpc_lite as kl
@@ -215,7 +216,7 @@ def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> No
         controller.step(pose, pose, [scanned(pose, k), told])
     seen = controller.state.seen
     assert seen is not None and controller.state.guide is not None
-    low, _ = seen.boxes(np.flatnonzero(seen.state > 0))
+    low, _ = hit_boxes(seen)
     assert len(low) and (low[:, 1] > 1.0).all()
 
 

@@ -29,7 +29,8 @@ enum {
     KMPC_SLOTS = 16,   /* half-planes a stage at most */
     KMPC_THING = 7,    /* x, y, radius, vx, vy, spread rate, largest spread */
     KMPC_CIRCLE = 5,   /* x, y, radius, vx, vy */
-    KMPC_TRACK = 39    /* as of kernels/tracks.py */
+    KMPC_TRACK = 39,   /* as of kernels/tracks.py */
+    KMPC_DIRECTIONS = 2048 /* told apart around a scanner */
 };
 
 /* ---- symmetric.c: one period of a symmetric model ------------------------------------------- */
@@ -183,5 +184,32 @@ struct kmpc_pairs { /* work space; rows are tracks, columns are circles */
 /* `costs` holds (tracks, circles); `after` the tracks before, and is overwritten. */
 void kmpc_follow(const struct kmpc_walk *w, int tracks, int circles, const real *circle,
                  const real *source, struct kmpc_pairs *p, real *costs, real *after, int *found);
+
+/* ---- scan_beams.c: what a scan's beams tell ------------------------------------------------- */
+
+void kmpc_told_beams(int beams, const real *ranges, const real *along, const unsigned char *counts,
+                     const real *mount, real least, real most, real own, unsigned char *hits,
+                     unsigned char *clear, real *reach, real *ends);
+void kmpc_averaged_ranges(int beams, const real *ranges, const unsigned char *hits, real step,
+                          real noise, real half, real *averaged, real *deviations);
+
+/* ---- scan_map.c: what a scan's beams show of a map ------------------------------------------- */
+
+struct kmpc_cells {
+    int height, width;
+    int column, row;    /* of the first cell, in the world */
+    real cell, clock;   /* side, and now */
+    signed char *state; /* (height, width) -1: unknown; 0: free; n: until n more rays have passed */
+    float *seen;        /* (height, width) when last */
+    float *extent;      /* (height, width, 4) box around the hits; null if nobody asks */
+    float *taken;       /* (height, width) when it was hit that was free; null if nobody asks */
+};
+
+void kmpc_see_through(const struct kmpc_cells *c, const int *window, const real *origin,
+                      const real *turn, const float *squares, int only_hit);
+void kmpc_mark(const struct kmpc_cells *c, int count, const real *points, const real *errors,
+               int level);
+int kmpc_hit_boxes(const struct kmpc_cells *c, const int *window, real *low, real *high);
+int kmpc_rectangles(int height, int width, const unsigned char *cells, int *open, int *found);
 
 #endif

@@ -396,6 +396,122 @@ static PyObject *follow(PyObject *self, PyObject *args)
     return done(b, 6, fits);
 }
 
+static PyObject *told_beams(PyObject *self, PyObject *args)
+{
+    Py_buffer b[8]; /* ranges, along, counts, mount, hits, clear, reach, ends */
+    double least, most, own;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*w*w*w*w*ddd", b, b + 1, b + 2, b + 3, b + 4, b + 5, b + 6,
+                          b + 7, &least, &most, &own))
+        return NULL;
+    const long beams = reals(b);
+    const int fits = holds(b + 1, 2 * beams) && b[2].len == beams && holds(b + 3, 2) &&
+                     b[4].len == beams && b[5].len == beams && holds(b + 6, beams) &&
+                     holds(b + 7, 2 * beams);
+    if (fits)
+        kmpc_told_beams((int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf, least, most, own,
+                        b[4].buf, b[5].buf, b[6].buf, b[7].buf);
+    return done(b, 8, fits);
+}
+
+static PyObject *averaged_ranges(PyObject *self, PyObject *args)
+{
+    Py_buffer b[4]; /* ranges, hits, averaged, deviations */
+    double step, noise, half;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*w*w*ddd", b, b + 1, b + 2, b + 3, &step, &noise, &half))
+        return NULL;
+    const long beams = reals(b);
+    const int fits = b[1].len == beams && holds(b + 2, beams) && holds(b + 3, beams);
+    if (fits)
+        kmpc_averaged_ranges((int)beams, b[0].buf, b[1].buf, step, noise, half, b[2].buf, b[3].buf);
+    return done(b, 4, fits);
+}
+
+/* Cells of a map with a width; whether all of its arrays are as large, and a window lies on it. */
+static int cells_of(struct kmpc_cells *c, const Py_buffer *state, const Py_buffer *seen,
+                    const Py_buffer *extent, const Py_buffer *taken, const int *window)
+{
+    const long cells = (long)state->len, single = (long)sizeof(float);
+    if (c->width < 1 || cells % c->width)
+        return 0;
+    c->height = (int)(cells / c->width);
+    c->state = state->buf;
+    c->seen = seen ? seen->buf : NULL;
+    c->extent = extent ? extent->buf : NULL;
+    c->taken = taken ? taken->buf : NULL;
+    return (!seen || seen->len == single * cells) && (!extent || extent->len == 4 * single * cells) &&
+           (!taken || taken->len == single * cells) &&
+           (!window || (window[0] >= 0 && window[1] <= c->height && window[2] >= 0 &&
+                        window[3] <= c->width));
+}
+
+static PyObject *see_through(PyObject *self, PyObject *args)
+{
+    Py_buffer b[4]; /* state, seen, extent, squares */
+    struct kmpc_cells c = {0};
+    int window[4], only_hit;
+    double origin[2], turn[2];
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*w*y*y*i(iiii)(dii)(dd)(dd)dp", b, b + 1, b + 2, b + 3, &c.width,
+                          window, window + 1, window + 2, window + 3, &c.cell, &c.column, &c.row,
+                          origin, origin + 1, turn, turn + 1, &c.clock, &only_hit))
+        return NULL;
+    const int fits = cells_of(&c, b, b + 1, b + 2, NULL, window) &&
+                     b[3].len == (Py_ssize_t)sizeof(float) * (KMPC_DIRECTIONS + 1);
+    if (fits)
+        kmpc_see_through(&c, window, origin, turn, b[3].buf, only_hit);
+    return done(b, 4, fits);
+}
+
+static PyObject *mark(PyObject *self, PyObject *args)
+{
+    Py_buffer b[6]; /* state, seen, extent, taken, points, errors */
+    struct kmpc_cells c = {0};
+    int level;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "w*w*w*w*y*y*i(dii)id", b, b + 1, b + 2, b + 3, b + 4, b + 5,
+                          &c.width, &c.cell, &c.column, &c.row, &level, &c.clock))
+        return NULL;
+    const long count = reals(b + 5);
+    const int fits = cells_of(&c, b, b + 1, b + 2, b + 3, NULL) && holds(b + 4, 2 * count);
+    if (fits)
+        kmpc_mark(&c, (int)count, b[4].buf, b[5].buf, level);
+    return done(b, 6, fits);
+}
+
+static PyObject *hit_boxes(PyObject *self, PyObject *args)
+{
+    Py_buffer b[5]; /* state, extent, low, high, count */
+    struct kmpc_cells c = {0};
+    int w[4];
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*w*w*w*i(iiii)(dii)", b, b + 1, b + 2, b + 3, b + 4, &c.width,
+                          w, w + 1, w + 2, w + 3, &c.cell, &c.column, &c.row))
+        return NULL;
+    int fits = cells_of(&c, b, NULL, b + 1, NULL, w);
+    const long most = fits && w[1] > w[0] && w[3] > w[2] ? (long)(w[1] - w[0]) * (w[3] - w[2]) : 0;
+    fits = fits && holds(b + 2, 2 * most) && holds(b + 3, 2 * most) && holds_ints(b + 4, 1);
+    if (fits)
+        *(int *)b[4].buf = kmpc_hit_boxes(&c, w, b[2].buf, b[3].buf);
+    return done(b, 5, fits);
+}
+
+static PyObject *rectangles(PyObject *self, PyObject *args)
+{
+    Py_buffer b[4]; /* cells, open, found, count */
+    int width;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*w*w*w*i", b, b + 1, b + 2, b + 3, &width))
+        return NULL;
+    const long height = width > 0 ? (long)b[0].len / width : 0, most = width / 2 + 1;
+    const int fits = (long)b[0].len == height * width && holds_ints(b + 1, 2 * most) &&
+                     holds_ints(b + 2, 4 * height * most) && holds_ints(b + 3, 1);
+    if (fits)
+        *(int *)b[3].buf = kmpc_rectangles((int)height, width, b[0].buf, b[1].buf, b[2].buf);
+    return done(b, 4, fits);
+}
+
 #define KERNEL(name) {#name, name, METH_VARARGS, NULL}
 
 static PyMethodDef kernels[] = {
@@ -404,6 +520,8 @@ static PyMethodDef kernels[] = {
     KERNEL(fill),
     KERNEL(stop_errors),   KERNEL(samples),         KERNEL(between_samples),
     KERNEL(surely_clear),  KERNEL(admissible),      KERNEL(clusters),        KERNEL(follow),
+    KERNEL(told_beams),    KERNEL(averaged_ranges), KERNEL(see_through),
+    KERNEL(mark),          KERNEL(hit_boxes),       KERNEL(rectangles),
     {NULL, NULL, 0, NULL},
 };
 

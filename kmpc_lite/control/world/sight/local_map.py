@@ -20,6 +20,8 @@ NEVER = -np.inf
 """Before every time; see `LocalMap.taken`."""
 EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
 """What is told of cells of which nothing is known."""
+Window = tuple[int, int, int, int]
+"""First row and the one behind the last, then columns."""
 NO_POSES = np.empty((0, 4))
 
 
@@ -100,11 +102,11 @@ class LocalMap:
             setattr(self, name, _shifted(getattr(self, name), up, right, empty))
         self.column, self.row = to_column, to_row
 
-    def window(self, point: Array, distance: float) -> tuple[slice, slice]:
+    def window(self, point: Array, distance: float) -> Window:
         """Rows and columns of the cells within a distance of a point (2,), along each axis."""
         return self.between(point - distance, point + distance)
 
-    def between(self, low: Array, high: Array) -> tuple[slice, slice]:
+    def between(self, low: Array, high: Array) -> Window:
         """Rows and columns of the cells between two corners (2,)."""
         (left, bottom), (right, top) = low.tolist(), high.tolist()
         height, width = self.state.shape
@@ -112,29 +114,14 @@ class LocalMap:
         left = math.floor(left / self.cell) - self.column
         top = math.floor(top / self.cell) - self.row + 1
         right = math.floor(right / self.cell) - self.column + 1
-        rows = slice(min(max(bottom, 0), height), min(max(top, 0), height))
-        return rows, slice(min(max(left, 0), width), min(max(right, 0), width))
+        rows = min(max(bottom, 0), height), min(max(top, 0), height)
+        return *rows, min(max(left, 0), width), min(max(right, 0), width)
 
-    def centres(self, rows: slice, columns: slice) -> tuple[Array, Array]:
+    def centres(self, window: Window) -> tuple[Array, Array]:
         """X (W,) and y (H,) of the middles of a window's cells."""
-        x = self.cell * (self.column + 0.5 + np.arange(columns.start, columns.stop))
-        y = self.cell * (self.row + 0.5 + np.arange(rows.start, rows.stop))
+        x = self.cell * (self.column + 0.5 + np.arange(window[2], window[3]))
+        y = self.cell * (self.row + 0.5 + np.arange(window[0], window[1]))
         return x, y
-
-    def occupied(
-        self, window: tuple[slice, slice], beyond: tuple[slice, slice] | None = None
-    ) -> NDArray[np.intp]:
-        """Flat numbers (n,) of a window's occupied cells: of all, or those beyond another one."""
-        rows, columns = window
-        state = self.state[window] > 0
-        if beyond is not None:
-            inner, across = beyond
-            skipped = slice(max(inner.start - rows.start, 0), max(inner.stop - rows.start, 0))
-            along = slice(max(across.start - columns.start, 0), max(across.stop - columns.start, 0))
-            state[skipped, along] = False
-        row, column = np.divmod(np.flatnonzero(state), max(state.shape[1], 1))
-        cells: NDArray[np.intp] = (row + rows.start) * self.state.shape[1] + column + columns.start
-        return cells
 
     def cells_of(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Flat numbers (n,) of the cells of points (n, 2), and which points lie on the map."""
@@ -159,34 +146,10 @@ class LocalMap:
         near = (points >= low) & (points <= high)
         return near[:, 0] & near[:, 1]
 
-    def boxes(self, cells: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Corners (n, 2), (n, 2) of what was hit in cells with flat numbers (n,), noise and all."""
-        row, column = np.divmod(cells, self.state.shape[1])
-        low = np.empty((len(cells), 2))
-        np.multiply(column + self.column, self.cell, out=low[:, 0])
-        np.multiply(row + self.row, self.cell, out=low[:, 1])
-        extent = self.extent.reshape(-1, 4).take(cells, axis=0)
-        return low + extent[:, :2], low + extent[:, 2:]
-
-    def mark(self, points: Array, errors: Array, level: int) -> None:
-        """Mark the cells of a step's hits (n, 2), which may be off by errors (n,), as occupied."""
-        cells, inside = self.cells_of(points)
-        if not inside.all():
-            cells, points, errors = cells[inside], points[inside], errors[inside]
-        if not len(cells):
-            return
-        order = np.argsort(cells, kind="stable")
-        cells, points, off = cells[order], points[order], errors[order, None]
-        first = np.flatnonzero(np.diff(cells, prepend=-1))
-        cells = cells.take(first)
-        state = self.state.ravel()
-        self.taken.ravel()[cells[state[cells] == 0]] = self.clock
-        state[cells] = level
-        self.seen.ravel()[cells] = self.clock
-        places = points - self.cell * np.floor(points / self.cell)
-        extent = self.extent.reshape(-1, 4)
-        extent[cells, :2] = np.minimum.reduceat(places - off, first)
-        extent[cells, 2:] = np.maximum.reduceat(places + off, first)
+    @property
+    def place(self) -> tuple[float, int, int]:
+        """Side of a cell, and numbers of the first column and row, as kernels take them."""
+        return self.cell, self.column, self.row
 
     def was_free(self, cells: NDArray[np.intp], time: float) -> NDArray[np.bool_]:
         """Whether cells with flat numbers (n,) are free, or were until a time ago at most."""

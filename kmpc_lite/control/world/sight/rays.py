@@ -7,15 +7,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.kernels.scan_map import averaged_ranges
+from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels.scan_map import DIRECTIONS, NOTHING
 from kmpc_lite.control.world.scan import LaserScan, Layout, beams
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
-
-DIRECTIONS = 2048
-"""Directions that are told apart all around: the beams of the finest scanner that is usual."""
-NOTHING = 1e-15
-"""Keeps a quotient finite: what it is added to changes by less than rounding."""
 
 EQUAL = 1e-9
 """Difference of two angles that is rounding [rad]."""
@@ -32,9 +28,13 @@ class Rays:
         Where the robot was when it was taken: (3,), or (B, 3) where beams are of different ages.
     cell : float
         Side of the cells that are looked at.
+    kernels : Kernels
+        Compute.
     """
 
-    def __init__(self, scan: LaserScan, poses: Array, cell: float) -> None:
+    def __init__(
+        self, scan: LaserScan, poses: Array, cell: float, kernels: Kernels = NUMPY
+    ) -> None:
         one = poses.ndim == 1
         cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
         mount_x, mount_y, _ = scan.mount
@@ -42,10 +42,9 @@ class Rays:
         def placed(x: Array | float, y: Array | float) -> tuple[Array, Array]:
             return poses[..., 0] + cos * x - sin * y, poses[..., 1] + sin * x + cos * y
 
-        reach = scan.reach
+        reach, hits, step = scan.reach, scan.hits, abs(scan.angle_increment)
         x, y = placed(scan.ends[:, 0], scan.ends[:, 1])
-        hits, step, noise = scan.hits, abs(scan.angle_increment), scan.noise
-        ranges, deviations = averaged_ranges(reach, hits, step, noise, 0.5 * cell)
+        ranges, deviations = kernels.averaged_ranges(reach, hits, step, scan.noise, 0.5 * cell)
         along = beams(*scan.layout)[1].T
         surface = placed(ranges * along[0] + mount_x, ranges * along[1] + mount_y)
         self.hits = np.stack(surface, axis=1)[hits]
@@ -60,10 +59,10 @@ class Rays:
         """... and the opposite one."""
         if one:
             # beams of one moment lie in the robot's frame as those of the scan before
-            self._cos, self._sin = float(cos), float(sin)
+            self.turn = float(cos), float(sin)
             nearest, aside = _nearest_beams_of(scan.layout)
         else:
-            self._cos, self._sin = 1.0, 0.0
+            self.turn = 1.0, 0.0
             x, y = x - self.origin[0], y - self.origin[1]
             reach = np.where(scan.unknown, 0.0, np.hypot(x, y))
             # where nothing is known of a beam's end, something is of its direction
@@ -73,38 +72,11 @@ class Rays:
         """Longest ray."""
         # only so far does the nearest beam pass through a cell in a direction beside it
         within = np.minimum(reach.take(nearest), 0.5 * cell / np.maximum(aside, NOTHING))
-        self._clear = np.empty(DIRECTIONS + 1, dtype=np.float32)
-        self._clear[:-1] = within * within
-        self._clear[-1] = self._clear[0]
-
-    def passed(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """Whether rays passed through the middles of cells, at x and y that broadcast.
-
-        The nearest ray counts, where it passes through the cell at all.
-        """
-        # single precision is a micrometre here, and half the time
-        x, y = (x - self.origin[0]).astype(np.float32), (y - self.origin[1]).astype(np.float32)
-        ahead, aside = self._cos * x + self._sin * y, self._cos * y - self._sin * x
-        clear = self._clear.take(_numbers(ahead, aside))
-        found: NDArray[np.bool_] = clear >= x * x + y * y
-        return found
-
-
-def _numbers(x: Array, y: Array) -> NDArray[np.intp]:
-    """Number each direction (x, y) from 0, straight back, counter-clockwise.
-
-    Without an arc tangent: by the sum of both sides of a triangle. Straight back has the number
-    DIRECTIONS, too.
-    """
-    size = np.abs(x)
-    size += np.abs(y)
-    size += NOTHING
-    turn = np.divide(x, size, out=size)
-    turn *= -0.25 * DIRECTIONS
-    turn += 0.25 * DIRECTIONS
-    np.copysign(turn, y, out=turn)
-    turn += 0.5 * DIRECTIONS
-    return turn.astype(np.intp)
+        self.squares = np.empty(DIRECTIONS + 1, dtype=np.float32)
+        """(2049,) square of how far rays passed in each direction, numbered by `kernels.scan_map`
+        in a frame whose heading has the cosine and sine `turn`."""
+        self.squares[:-1] = within * within
+        self.squares[-1] = self.squares[0]
 
 
 def _middles() -> Array:

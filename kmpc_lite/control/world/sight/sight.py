@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.control.footprint import places_of
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels.clearance import COLUMNS, distances
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.boxes import Boxes
-from kmpc_lite.control.world.occupancy import OccupancyGrid, rectangles_of
+from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap, side_of
+from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap, Window, side_of
 from kmpc_lite.control.world.sight.outlook import outlook_of
 from kmpc_lite.control.world.sight.rays import Rays
 from kmpc_lite.control.world.sight.view import View
@@ -60,11 +61,19 @@ class Sight:
         How long what is believed.
     reach : float
         How far from the robot what was seen matters to a plan.
+    kernels : Kernels
+        Compute.
     """
 
     def __init__(
-        self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
+        self,
+        problem: NavigationProblem,
+        scale: Scale,
+        options: SightOptions,
+        reach: float,
+        kernels: Kernels = NUMPY,
     ) -> None:
+        self._kernels = kernels
         unit = unit_length(problem)
         self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit
         self._reach, self._dt = reach, problem.dt
@@ -81,7 +90,7 @@ class Sight:
 
     def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
         """Scans in which hits within the robot are not told: its mast, its arm."""
-        return tuple(s.with_self_radius(self._inside) for s in scans)
+        return tuple(s.with_self_radius(self._inside, self._kernels) for s in scans)
 
     def look(
         self,
@@ -121,7 +130,7 @@ class Sight:
             look = outlook_of(scan)
             if look is not None:
                 here.look_out(look)
-        rays = [Rays(s, self._pose_of(here, s, pose), here.cell) for s in scans]
+        rays = [Rays(s, self._pose_of(here, s, pose), here.cell, self._kernels) for s in scans]
         for ray in rays:
             self._clear(here, ray)
         if rays:
@@ -132,7 +141,7 @@ class Sight:
                 gaps = distances(moving, hits, np.zeros(len(hits)))
                 stands = (gaps > here.cell).all(axis=1)
                 hits, errors = hits[stands], errors[stands]
-            here.mark(hits, errors, options.passes)
+            self._mark(here, hits, errors)
         # what the robot overlaps by a part is free where it begins; later it must have been seen
         around = math.sqrt(0.5) * here.cell + options.free_at_start
         self._stand(here, pose, self._radius + begins * around)
@@ -145,16 +154,17 @@ class Sight:
     def seen(self, here: LocalMap, pose: Array) -> Seen:
         """What a robot at a pose (3,) must not drive into."""
         window = here.window(pose[:2], self._reach)
-        rows, columns = window
-        state = here.state[window]
-        low, high = here.boxes(here.occupied(window))
+        top, bottom, left, right = window
+        area = slice(top, bottom), slice(left, right)
+        state = here.state[area]
+        low, high = self._kernels.hit_boxes(here.state, here.extent, window, here.place)
         unknown = state == UNKNOWN
         if self._emerging > 0.0:
             # something may come out of what is not seen now
-            unknown = unknown | ((state == 0) & (here.seen[window] < here.clock - self._dt))
+            unknown = unknown | ((state == 0) & (here.seen[area] < here.clock - self._dt))
             unknown &= self._distance(here, window, pose) > self._radius + here.cell
-        left, bottom = columns.start + here.column, rows.start + here.row
-        sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
+        left, bottom = left + here.column, top + here.row
+        sides = here.cell * (self._kernels.rectangles(unknown) + (left, bottom, left, bottom))
         # a wall is told by few half-planes, noise and all
         dark = _boxes(sides[:, :2], sides[:, 2:], here.cell)
         return Seen(_boxes(low, high, here.cell), dark)
@@ -178,7 +188,8 @@ class Sight:
             return False
         low, high = points.min(axis=0), points.max(axis=0)
         middle, half = 0.5 * (low + high), float((high - low).max()) / 2.0
-        boxes = here.boxes(here.occupied(here.window(middle, half + distance + here.cell)))
+        window = here.window(middle, half + distance + here.cell)
+        boxes = self._kernels.hit_boxes(here.state, here.extent, window, here.place)
         near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
         begin, end = (corners[near] for corners in boxes)
         x, y = (
@@ -213,44 +224,53 @@ class Sight:
         return here.poses_at(ages)
 
     def _clear(self, here: LocalMap, rays: Rays) -> None:
-        """Take note of what rays passed through."""
+        """Take note of what rays passed through; farther away only of what was occupied."""
         distance = min(self._free, rays.farthest)
         low = np.maximum(rays.low, rays.origin - distance)
-        window = here.between(low, np.minimum(rays.high, rays.origin + distance))
-        x, y = here.centres(*window)
-        passed = rays.passed(x[None, :], y[:, None])
-        state = here.state[window]
-        # one pass less for what was occupied; what was unknown is free
-        state -= np.sign(state) * passed
-        seen = here.seen[window]
-        np.maximum(seen, passed * np.float32(here.clock), out=seen)
-        if rays.farthest <= distance:
-            return
-        # farther away only what was occupied
-        cells = here.occupied(here.between(rays.low, rays.high), window)
-        if not len(cells):
-            return
-        x, y = np.mean(here.boxes(cells), axis=0).T
-        # beyond what was hit there
-        gone = cells[rays.passed(x, y)]
-        here.state.ravel()[gone] -= 1
+        high = np.minimum(rays.high, rays.origin + distance)
+        self._see_through(here, rays, here.between(low, high), only_hit=False)
+        if rays.farthest > distance:
+            near, far = here.between(low, high), here.between(rays.low, rays.high)
+            for window in _around(near, far):
+                self._see_through(here, rays, window, only_hit=True)
+
+    def _see_through(self, here: LocalMap, rays: Rays, window: Window, only_hit: bool) -> None:
+        x, y = rays.origin.tolist()
+        cells = here.state, here.seen, here.extent, window, here.place
+        self._kernels.see_through(*cells, (x, y), rays.turn, rays.squares, here.clock, only_hit)
+
+    def _mark(self, here: LocalMap, hits: Array, errors: Array) -> None:
+        """Mark the cells of hits (n, 2), which may be off by errors (n,), as occupied."""
+        cells = here.state, here.seen, here.extent, here.taken
+        last = here.place, self.options.passes, here.clock
+        self._kernels.mark(*cells, hits, errors, *last)
 
     def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:
         """Where the robot stands, within a reach of its centre, nothing else does."""
         arms = 0.0 if self._footprint is None else self._footprint.reach
         window = here.window(pose[:2], reach + arms)
         distance = self._distance(here, window, pose)
-        state, under = here.state[window], distance <= reach
+        area = slice(*window[:2]), slice(*window[2:])
+        state, under = here.state[area], distance <= reach
         state[under & (state == UNKNOWN)] = 0
         state[distance <= self._core - here.cell] = 0
-        here.seen[window][under] = here.clock
+        here.seen[area][under] = here.clock
 
-    def _distance(self, here: LocalMap, window: tuple[slice, slice], pose: Array) -> Array:
+    def _distance(self, here: LocalMap, window: Window, pose: Array) -> Array:
         """Distances of the middles of a window's cells from the nearest of its circles' middles."""
-        x, y = here.centres(*window)
+        x, y = here.centres(window)
         places = places_of(self._footprint, pose)
         away = np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1])
         return np.asarray(away.min(axis=-1))
+
+
+def _around(inner: Window, outer: Window) -> list[Window]:
+    """What lies in one window and not in another one within it: below, above, left and right."""
+    (top, bottom, left, right), (first, last, begin, end) = inner, outer
+    if top >= bottom or left >= right:
+        return [outer]
+    sides = [(first, top, begin, end), (bottom, last, begin, end)]
+    return [*sides, (top, bottom, begin, left), (top, bottom, right, end)]
 
 
 def _boxes(low: Array, high: Array, behind: float) -> list[Boxes]:

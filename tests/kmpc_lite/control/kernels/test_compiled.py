@@ -107,6 +107,7 @@ def asked() -> dict[str, list[tuple[Any, ...]]]:
                 # given to stand, and it walks: in the list, and in scans
                 walker = kl.Circle(1.2 - 0.05 * k, -0.5, 0.2)
                 look = np.where(np.arange(180) % 50 < 10 + k % 3, 1.0 + 0.01 * k, np.inf)
+                look[::7] += 0.01
                 around += [walker, kl.LaserScan(look, -np.pi, np.pi / 90, 4.0)]
                 command = controller.step(pose, (1.4, 1.4, 0.5), around).command
                 pose = model.predict(pose, command)
@@ -215,6 +216,14 @@ def test_clusters_of_random_scans_are_alike(seed):
 
 
 @needs_c
+@pytest.mark.parametrize("seed", range(20))
+def test_rectangles_of_random_cells_are_alike(seed):
+    random = np.random.default_rng(seed)
+    cells = random.random(random.integers(1, 30, 2)) < 0.2 * (seed % 6)
+    assert_alike("rectangles", (cells.repeat(2, axis=0),))
+
+
+@needs_c
 @pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
 def test_symmetric_models_move_alike(integrator):
     model = replace(kl.nominal_unicycle(0.1), integrator=integrator)
@@ -244,8 +253,8 @@ def test_arrays_that_do_not_fit_are_refused():
             call()
 
 
-PYTHON_ALONE = {"pose_tree", "reeds_shepp", "twists", "scan_map"}
-"""Kernels of the search for paths and of scans, which run in Python alone."""
+PYTHON_ALONE = {"pose_tree", "reeds_shepp", "twists"}
+"""Kernels of the search for paths, which run in Python alone."""
 
 
 def test_each_file_has_its_twin():

@@ -6,9 +6,11 @@ import time
 
 import numpy as np
 import pytest
+from seen_maps import hit_boxes
 
 import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
+from kmpc_lite.control.kernels import NUMPY
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.rays import Rays
@@ -74,7 +76,7 @@ def test_all_hits_in_one_cell_count(tip: int) -> None:
     assert len(cells) == 1
     told = scan(ranges)
     hits = told.ends[told.hits]
-    low, high = seen.boxes(cells)
+    low, high = hit_boxes(seen)
     np.testing.assert_allclose(low[0], hits.min(axis=0), atol=1e-6)
     np.testing.assert_allclose(high[0], hits.max(axis=0), atol=1e-6)
 
@@ -166,13 +168,13 @@ def test_scans_of_the_past_are_seen_from_where_the_robot_was_then() -> None:
         seen = s.look(seen, [late], pose, 0.0)
         pose = pose + (0.1, 0.0, 0.0)
     assert seen is not None
-    x = np.sort(seen.boxes(np.flatnonzero(seen.state > 0))[0][:, 0])
+    x = np.sort(hit_boxes(seen)[0][:, 0])
     np.testing.assert_allclose(x, [1.0, 1.1], atol=1e-6)
 
 
 def test_hits_keep_their_place_within_a_cell() -> None:
     seen = look(sight(), None, ROUND)
-    low, high = seen.boxes(np.flatnonzero(seen.state > 0))
+    low, high = hit_boxes(seen)
     assert (high - low <= seen.cell).all()
     told = scan(ROUND)
     for hit in told.ends[told.hits]:
@@ -202,7 +204,11 @@ def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: b
         if old:
             poses = poses + np.linspace(-0.1, 0.0, len(ranges))[:, None] * (1.0, 1.0, 0.5)
         rays = Rays(one, poses, cell)
-        places = random.uniform((-4.0, -3.0), (6.0, 7.0), (20_000, 2))
-        passed = places[rays.passed(*places.T)]
+        state, none = np.full((200, 200), UNKNOWN, dtype=np.int8), np.zeros((200, 200, 5))
+        cells = state, none[..., 0].astype(np.float32), none[..., 1:].astype(np.float32)
+        window, place = (0, 200, 0, 200), (cell, -80, -60)
+        NUMPY.see_through(*cells, window, place, rays.origin, rays.turn, rays.squares, 1.0, False)
+        row, column = np.nonzero(state == 0)
+        passed = cell * (np.stack([column, row], axis=1) + np.array([-79.5, -59.5]))
         assert len(passed)
         assert ((passed > rays.low) & (passed < rays.high)).all()
