@@ -93,7 +93,7 @@ class Lattice:
         limits: tuple[Array, Array] | None = None,
         fineness: Fineness = FINE,
     ) -> None:
-        self._solids, self._fineness = solids, fineness
+        self.solids, self._fineness = solids, fineness
         self._limits = EVERYWHERE if limits is None else limits
         self._low, self._high = np.zeros(2), np.zeros(2)
         corners = solids.outermost
@@ -126,7 +126,7 @@ class Lattice:
         distance = np.full(len(self._places), np.inf)
         for field in self._fields:
             np.minimum(distance, field.distances(self._places, axes), out=distance)
-        for outlines in self._solids.outlines.walls_and_polygons():
+        for outlines in self.solids.outlines.walls_and_polygons():
             portion = max(PORTION // outlines.edge_count, 1)
             for begin in range(0, len(distance), portion):
                 some = slice(begin, begin + portion)
@@ -257,11 +257,11 @@ class Lattice:
 
     def clearance(self, point: Array) -> float:
         """Exact distance of a point (2,) from the nearest solid [m]."""
-        return float(self._solids.whole.least(point[None, :2])[0])
+        return float(self.solids.whole.least(point[None, :2])[0])
 
     def touched(self, points: Array) -> tuple[Array, Array]:
         """Distances (n,) of points (n, 2) from the nearest solid, and its edge there (n, 2) [m]."""
-        distance, normals = self._solids.whole.measure(points)
+        distance, normals = self.solids.whole.measure(points)
         nearest = distance.argmin(axis=1)[:, None]
         least = np.take_along_axis(distance, nearest, 1)[:, 0]
         away = np.take_along_axis(normals, nearest[..., None], 1)[:, 0]

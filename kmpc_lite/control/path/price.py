@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.field.outline_clearance import outline_distances
 from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.planner import PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import CUT_DEPTH, GeometricPath
 from kmpc_lite.control.path.timed_path import poses_along
-from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.geometry import angle_swept, wrap
 from kmpc_lite.types import Array
 
@@ -87,20 +87,17 @@ def fits(path: GeometricPath, request: PathRequest, margin: float) -> bool:
     Turns on the spot included.
     """
     corners = poses_along(path, request.start, request.goal)
-    middles, radius = request.outline[:, :2], float(request.outline[0, 2])
-    reach = float(np.hypot(*middles.T).max())
+    radius = float(request.outline[0, 2])
+    reach = float(np.hypot(*request.outline[:, :2].T).max())
     steps = np.diff(corners, axis=0)
     moved = np.hypot(steps[:, 0], steps[:, 1]) + reach * np.abs(steps[:, 2])
     places = np.concatenate([[0.0], np.cumsum(moved)])
     count = min(2 + math.ceil(places[-1] / (0.5 * radius)), BODY_SAMPLES)
     along = np.linspace(0.0, places[-1], count)
     poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
-    if request.centre is not None:
-        poses = seen_from(poses, -request.centre)
-    points = np.concatenate([seen_from(poses, middle)[:, :2] for middle in middles])
-    distances = request.distances(points).reshape(len(middles), -1).min(axis=0)
+    distances = outline_distances(request, poses)
     # where it stands now, and where it is to stand, it may be as near as it is
-    needed = min(radius + margin, float(distances[0]), float(distances[-1]))
+    needed = min(margin, float(distances[0]), float(distances[-1]))
     return bool((distances >= needed - CUT_DEPTH).all())
 
 

@@ -186,7 +186,7 @@ class Replanner:
             or now.target.tolist() != state.goal.tolist()
         ):
             return True
-        if not len(circles) or circles.tobytes() == state.circles_at_rest:
+        if not len(circles):
             return False
         change = circles[:, :SPREAD_RATE] - state.circles[:, :SPREAD_RATE]
         change[:, :2] -= state.age * state.circles[:, VELOCITY]
@@ -222,7 +222,7 @@ class PathWatch:
             return False
         if state.urgent or state.turning or same_solids(solids, state.solids):
             return False
-        same_circles = now.circles.tobytes() == state.circles_at_rest
+        same_circles = now.moving is None and np.array_equal(now.circles, state.circles)
         if now.target.tolist() != state.goal.tolist() or not same_circles:
             return False
         if path.drive_end - state.place > LONGEST_LOOK:

@@ -93,7 +93,6 @@ class SearchDriver:
             state.coarseness = now.view.coarseness
         state.goal, state.circles = now.target.copy(), now.told.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
-        state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
         can, progress = now.capabilities, state.progress
         driven = None
         if state.path is not None and same_goal and not progress.is_stuck:

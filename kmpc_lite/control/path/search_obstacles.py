@@ -7,71 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-
-# here, for no step has time to import its image filters
-from kmpc_lite.control.path.lattice import FINE, Fineness, Lattice
 from kmpc_lite.control.path.lattice_path import BACK_OFF
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.control.path.turning_centre import swing
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.path.lattice import Lattice
 
 LEAST_CLEARANCE = 0.005
 """Clearance that is tried last: a path that keeps less would not be driven [m]."""
-LATTICE_RECTANGLES = 24
-"""Occupancy grids with up to so many rectangles give the tangent graph all of their corners; of
-larger ones the lattice picks some."""
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
-
-
-class PathMap:
-    """Polygons, walls and grids, prepared for the searches.
-
-    Parameters
-    ----------
-    solids : Solids
-        At rest.
-    coarseness : float
-        How far the solids may stand out of what they were made of: they are cells [m].
-    limits : tuple of ndarray, optional
-        Corners (2,), (2,) of the area that paths lie in [m].
-    fineness : Fineness
-        Of the lattice.
-    """
-
-    def __init__(
-        self,
-        solids: Solids,
-        coarseness: float = 0.0,
-        limits: tuple[Array, Array] | None = None,
-        fineness: Fineness = FINE,
-    ) -> None:
-        self._limits = limits
-        self.solids, self._fineness = solids, fineness
-        self.coarseness = coarseness
-        """How far the solids may stand out of what they were made of [m]."""
-        self._lattice: Lattice | None = None
-        self.has_lattice = solids.rectangle_count > LATTICE_RECTANGLES
-        """Whether the grids have too many corners for the tangent graph."""
-        self.corners = solids.outline_corners if self.has_lattice else solids.all_corners
-        """What paths go around: all corners, but for those of grids with a lattice."""
-        self.landmarks = self.corners.middles
-        """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
-
-    def prepare(self, start: Array, goal: Array) -> Lattice:
-        """Give the lattice; made, if it was not before, for a search from a start to a goal."""
-        if self._lattice is not None:
-            return self._lattice
-        limits = self._limits
-        if limits is not None:
-            # only start and goal may lie outside
-            low, high = np.minimum(start[:2], goal[:2]), np.maximum(start[:2], goal[:2])
-            limits = np.minimum(limits[0], low), np.maximum(limits[1], high)
-        self._lattice = lattice = Lattice(self.solids, limits, self._fineness)
-        self.landmarks = np.concatenate([self.corners.middles, lattice.landmarks])
-        return lattice
 
 
 class Obstacles(NamedTuple):
@@ -121,20 +67,23 @@ def all_clearances(request: PathRequest, turning: float, options: GuidanceOption
     return [c + around for c in clearances] + [c + beside for c in narrow]
 
 
-def gather(request: PathRequest, path_map: PathMap | None) -> Obstacles:
-    """Put circles and corners into one list."""
+def gather(request: PathRequest, lattice: Lattice | None) -> Obstacles:
+    """Put circles and corners into one list: with a lattice, not those of grids."""
     around = swing(request.centre)
     circles, pose, goal = request.circles, request.start, request.goal
     centres, sizes, edges, landmarks = circles[:, :2], circles[:, 2], NO_EDGES, circles[:, :2]
     to_pose, to_goal = (np.hypot(*(centres - p[:2]).T) for p in (pose, goal))
-    if path_map is not None:
-        corners = path_map.corners
+    solids = request.solids
+    if solids is not None:
+        corners = solids.all_corners if lattice is None else solids.outline_corners
         centres = np.concatenate([centres, corners.points])
         to_pose = np.concatenate([to_pose, corners.to_centre(pose[:2])])
         to_goal = np.concatenate([to_goal, corners.to_centre(goal[:2])])
         sizes = np.concatenate([sizes, corners.rounding])
         edges = corners.edges + len(circles)
-        landmarks = np.concatenate([landmarks, path_map.landmarks])
+        landmarks = np.concatenate([landmarks, corners.middles])
+    if lattice is not None:
+        landmarks = np.concatenate([landmarks, lattice.landmarks])
     # the outermost of robot and goal widen the area
     low = np.minimum(request.area[0] + around, np.minimum(pose, goal)[:2])
     high = np.maximum(request.area[1] - around, np.maximum(pose, goal)[:2])

@@ -147,9 +147,6 @@ class Surveyor:
     ) -> MovingObstacles | None:
         """The circles, if any of them moves."""
         circles = task.circles
-        # circles at rest that were seen before are known again in a moment
-        if not len(circles) or circles.tobytes() == state.circles_at_rest:
-            return None
         if not some_move(circles):
             return None
         inflation = self._inflation + swing(state.turning_centre)

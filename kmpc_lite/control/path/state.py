@@ -93,8 +93,6 @@ class GuideState:
     """(3,), of the tracked pose."""
     circles: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
     """(M, 5)."""
-    circles_at_rest: bytes = b""
-    """The same as bytes where none moves: equal ones are known again in a moment."""
     solids: Solids | None = None
     known_solids: Solids | None = None
     """The same, and what scans had shown when the search was begun."""

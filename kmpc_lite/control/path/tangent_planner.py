@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +20,9 @@ from kmpc_lite.control.options import (
     lengths_from_radii,
     unit_length,
 )
-from kmpc_lite.control.path.lattice import Fineness, LatticeTask
+
+# here, for no step has time to import its image filters
+from kmpc_lite.control.path.lattice import Fineness, Lattice, LatticeTask
 from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.planner import Path, PathRequest, same_solids
 from kmpc_lite.control.path.price import (
@@ -33,7 +36,6 @@ from kmpc_lite.control.path.price import (
 )
 from kmpc_lite.control.path.search_obstacles import (
     Obstacles,
-    PathMap,
     all_clearances,
     gather,
 )
@@ -43,6 +45,9 @@ from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.path.way_out import led_out, way_out
 from kmpc_lite.control.problem import NavigationProblem
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
 UNFIT_COST = 1000.0
 """What a path costs on which a robot that is not round does not fit: it is driven if there is no
 other [s]."""
@@ -51,6 +56,9 @@ NO_WAY = "no passage to the goal is wide enough"
 TOO_MANY = "too many obstacles are in the way to find a path around them"
 
 
+LATTICE_RECTANGLES = 24
+"""Occupancy grids with up to so many rectangles give the tangent graph all of their corners; of
+larger ones the lattice picks some."""
 SEEN_STEP = 0.5
 """Least distance between neighbours of the lattice among what scans show [radii]."""
 SEEN_NODES = 12_000
@@ -77,7 +85,8 @@ class TangentPlanner:
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
         self._is_round, self._margin = problem.footprint is None, problem.margin
         self._plan_time = problem.horizon * problem.dt
-        self._map: PathMap | None = None
+        self._lattice: Lattice | None = None
+        """Of the last search that had one."""
 
     def begin(self, request: PathRequest) -> None:
         """Begin a search."""
@@ -96,22 +105,20 @@ class TangentPlanner:
         self._keeps_side = False
         """Whether one was found that passes all obstacles as the one driven does."""
         self._found: Path | str | None = None
-        self._map = self._map_of(request)
-        self._work = self._search(self._map)
+        self._work = self._search()
         self._quanta = next(self._work)
         """Of the part that comes next."""
 
-    def _map_of(self, request: PathRequest) -> PathMap | None:
-        """The solids, prepared: as they were for the last search, where they are the same."""
-        solids, known = request.solids, request.known
-        if solids is None:
-            return None
-        limits = request.area[0], request.area[1]
-        if known is not None:
-            return PathMap(solids, known.coarseness, limits, self._coarse)
-        if self._map is not None and same_solids(solids, self._map.solids):
-            return self._map
-        return PathMap(solids)
+    def _lattice_of(self, request: PathRequest, solids: Solids) -> Lattice:
+        """Give the lattice of solids: that of the last search, where it was made for the same."""
+        kept = self._lattice
+        if request.known is not None:
+            # only start and goal may lie outside
+            ends = np.stack([request.start[:2], request.goal[:2]])
+            low, high = request.area
+            limits = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
+            return Lattice(solids, limits, self._coarse)
+        return kept if kept is not None and same_solids(solids, kept.solids) else Lattice(solids)
 
     def path(self) -> Path | str | None:
         """What was found."""
@@ -125,21 +132,22 @@ class TangentPlanner:
             self._quanta = next(self._work, 0)
         return done
 
-    def _search(self, path_map: PathMap | None) -> Iterator[int]:
+    def _search(self) -> Iterator[int]:
         """Search; how many quanta the next part of the work takes comes before each."""
         request, lattice, long = self._request, None, 1
-        if path_map is not None and path_map.has_lattice:
+        solids, known = request.solids, request.known
+        if solids is not None and solids.rectangle_count > LATTICE_RECTANGLES:
             yield (long := self._options.hurried_parts)
-            lattice = path_map.prepare(request.start, request.goal)
+            lattice = self._lattice = self._lattice_of(request, solids)
         yield long
-        obstacles, gave_up = gather(request, path_map), False
+        obstacles, gave_up = gather(request, lattice), False
         self._landmarks = obstacles.landmarks
         still = request.circles[~request.circles[:, VELOCITY].any(axis=1)]
         clearances = all_clearances(request, self._turning, self._options)
-        if path_map is not None and path_map.coarseness:
+        if solids is not None and known is not None and known.coarseness:
             # cells stand out of what was hit in them, on either side by half of that in the
             # mean: from nearer the robot sees whether it fits
-            clearances.append(clearances[-1] - 0.5 * path_map.coarseness)
+            clearances.append(clearances[-1] - 0.5 * known.coarseness)
         self._widest = clearances[0]
         for clearance in clearances:
             if self._is_cheapest(clearance):

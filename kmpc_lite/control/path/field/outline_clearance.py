@@ -31,27 +31,15 @@ class OutlineClearance:
     """
 
     def __init__(self, request: PathRequest, margin: float) -> None:
-        self._request, self._outline = request, request.outline
-        if request.centre is not None:
-            self._outline = self._outline - (*request.centre, 0.0)
+        self._request, outline = request, request.outline
         self._least, self._kept = margin, 0.0
         ends = np.stack([request.start, request.goal])
         self._ends = ends[:, :2]
-        self._radius = float(self._outline[:, 2].max())
-        arms = np.hypot(self._outline[:, 0], self._outline[:, 1])
-        self._reach = 2.0 * float((arms + self._outline[:, 2]).max())
-        self._room_at_ends = self._distances(ends) - margin
+        self._radius = float(outline[:, 2].max())
+        arms = np.hypot(outline[:, 0], outline[:, 1])
+        self._reach = 2.0 * float((arms + outline[:, 2]).max())
+        self._room_at_ends = outline_distances(request, ends) - margin
         self._near = NEAR * self._radius
-
-    def _distances(self, poses: Array) -> Array:
-        """Distances (n,) of the outline at poses (n, 3) from what is around it [m]."""
-        x, y, radii = self._outline.T
-        cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
-        places = np.stack([poses[:, :1] + cos * x - sin * y, poses[:, 1:2] + sin * x + cos * y], -1)
-        flat = places.reshape(-1, 2)
-        parts = [self._request.distances(flat[k : k + CHUNK]) for k in range(0, len(flat), CHUNK)]
-        found: Array = (np.concatenate(parts).reshape(len(poses), -1) - radii).min(axis=1)
-        return found
 
     def keep(self, clearance: float) -> None:
         """Keep so much more than the margin from now on, start and goal aside [m]."""
@@ -66,7 +54,7 @@ class OutlineClearance:
 
     def room(self, poses: Array) -> Array:
         """Clearance beyond the margin (n,) at poses (n, 3) [m]; infinite in the open."""
-        out: Array = self._distances(poses) - self._least
+        out: Array = outline_distances(self._request, poses) - self._least
         return out
 
     def at(self, poses: Array) -> Array:
@@ -86,3 +74,17 @@ class OutlineClearance:
         """How many times its time driving costs at a clearance beyond the margin (...)."""
         out: Array = 1.0 + NEAR_PRICE * np.clip(1.0 - clearance / self._near, 0.0, 1.0)
         return out
+
+
+def outline_distances(request: PathRequest, poses: Array) -> Array:
+    """Distances (n,) of a robot's outline at poses (n, 3) from what is around it [m]."""
+    outline = request.outline
+    if request.centre is not None:
+        outline = outline - (*request.centre, 0.0)
+    x, y, radii = outline.T
+    cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+    places = np.stack([poses[:, :1] + cos * x - sin * y, poses[:, 1:2] + sin * x + cos * y], -1)
+    flat = places.reshape(-1, 2)
+    parts = [request.distances(flat[k : k + CHUNK]) for k in range(0, len(flat), CHUNK)]
+    found: Array = (np.concatenate(parts).reshape(len(poses), -1) - radii).min(axis=1)
+    return found

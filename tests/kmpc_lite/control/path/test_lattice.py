@@ -8,7 +8,7 @@ from paths import ended
 import kmpc_lite as kl
 from kmpc_lite.control.path.lattice import Lattice, LatticeTask
 from kmpc_lite.control.path.lattice_path import LATTICE_CUT
-from kmpc_lite.control.path.search_obstacles import LATTICE_RECTANGLES
+from kmpc_lite.control.path.tangent_planner import LATTICE_RECTANGLES
 from kmpc_lite.control.world.solids import Solids
 
 AREA = np.array([-3.0, -3.0, 3.0, 3.0])

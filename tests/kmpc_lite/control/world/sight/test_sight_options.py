@@ -212,9 +212,8 @@ def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
     guide = GuideInUse(LARGE, planner=planner)
     view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
     guide.reference(HERE, np.array([10.0, 0.0, 0.0]), np.empty((0, 5)), view=view)
-    path_map = planner._map
-    assert path_map is not None and path_map._lattice is not None
-    assert len(path_map._lattice._places) == pytest.approx(12_000, rel=0.04)
+    assert planner._lattice is not None
+    assert len(planner._lattice._places) == pytest.approx(12_000, rel=0.04)
 
 
 def test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_apart() -> None:
@@ -224,6 +223,5 @@ def test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_ap
     guide = GuideInUse(LARGE, planner=planner)
     view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
     guide.reference(HERE, np.array([0.0, 1.0, 0.0]), np.empty((0, 5)), view=view)
-    path_map = planner._map
-    assert path_map is not None and path_map._lattice is not None
-    assert path_map._lattice.step == pytest.approx(0.075)
+    assert planner._lattice is not None
+    assert planner._lattice.step == pytest.approx(0.075)
