@@ -81,6 +81,12 @@ BOARDS = {
             "firmware_bridge.drivers.arduino:ArduinoDriver",
             options={"counts_per_turn": 1440.0},
         ),
+        BoardEntry(
+            "onboard",
+            "Onboard",
+            "firmware_bridge.drivers.onboard.driver:OnboardDriver",
+            encoders=False,
+        ),
     )
 }
 """By name, in the order in which they are listed."""

@@ -128,7 +128,7 @@ def test_a_footprint_takes_the_place_of_the_scenarios_robot(tmp_path):
         (
             '[link]\nurl = "tcp::1"\ndriver = "servo"',
             "link.driver: expected mavlink, roboclaw, odrive, vesc, roboteq, sabertooth, arduino, "
-            "got",
+            "onboard, got",
         ),
         (LINK + "baud = 9600", "link.baud: unknown key"),
         (LINK + "timeout = 0", "link.timeout: expected 0.1 to 300 s, got 0"),

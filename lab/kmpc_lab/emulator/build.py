@@ -21,6 +21,7 @@ EMULATORS = {
     "roboteq": "kmpc_lab.emulator.roboteq:RoboteqEmulator",
     "sabertooth": "kmpc_lab.emulator.sabertooth:SabertoothEmulator",
     "arduino": "kmpc_lab.emulator.arduino:ArduinoEmulator",
+    "onboard": "kmpc_lab.emulator.onboard:OnboardEmulator",
 }
 """MODULE:CLASS of the far end of a board's link, by its driver."""
 GPS_NOISE = 0.01

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from boards import GEOMETRY
 from free_port import free_port
+from loopback import named_wire, serve_on
 from waiting import until
 
 import kmpc_lite as kl
@@ -22,12 +23,13 @@ from firmware_bridge.drivers.onboard import OnboardDriver
 from firmware_bridge.drivers.onboard.messages import Kind, decoder, heartbeat, message, rows
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError
+from kmpc_lab.emulator.onboard import OnboardEmulator
 
 PROGRAM = Path(__file__).parents[3] / "examples" / "firmware"
 MISSING = [
     tool for tool in ("arm-none-eabi-gcc", "qemu-system-arm", "make") if shutil.which(tool) is None
 ]
-pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"{', '.join(MISSING)} missing")
+IN_QEMU = pytest.mark.skipif(bool(MISSING), reason=f"{', '.join(MISSING)} missing")
 TRACK = 0.27
 CIRCLES = [(0.8, 0.1, 0.2), (1.4, 0.9, 0.2), (1.6, -0.25, 0.2), (2.2, 0.35, 0.25)]
 STILL = [(*circle, 0.0, 0.0) for circle in CIRCLES]
@@ -147,6 +149,7 @@ def rig(program):
     made.close()
 
 
+@IN_QEMU
 def test_it_drives_past_four_circles_to_its_goal(rig):
     """Through garbage, floods and torn frames on its line, which do nothing."""
     rig.connect()
@@ -171,6 +174,7 @@ def test_it_drives_past_four_circles_to_its_goal(rig):
     assert until(lambda: rig.stands, 5.0)
 
 
+@IN_QEMU
 def test_without_its_host_it_stops_by_itself(rig):
     rig.connect().driver.drive_to(GOAL, STILL, PATH)
     assert until(lambda: rig.is_beyond(0.5), 60.0)
@@ -181,6 +185,7 @@ def test_without_its_host_it_stops_by_itself(rig):
     assert math.dist(rig.pose, rests) < 0.02 and rig.clearance > 0.0
 
 
+@IN_QEMU
 def test_old_poses_and_an_emergency_stop_stop_it(rig):
     rig.connect().driver.drive_to(GOAL, STILL, PATH)
     assert until(lambda: rig.is_beyond(0.2), 60.0)
@@ -214,6 +219,38 @@ def test_a_line_without_a_board_is_told():
             driver.drive_to(*wrong)
     driver.close()
     server.close()
+
+
+def test_speeds_of_the_host_are_driven_and_do_not_last():
+    """By the emulator: what a first drive records, before there is a model to export."""
+    table = {"geometry": GEOMETRY}
+    board = OnboardEmulator.from_options(table)
+    serve_on(board, wire := named_wire("loopback:onboard"))
+    driver = OnboardDriver.from_options(wire.take(board=False), table)
+    driver.connect(20.0)
+    assert driver.health().ready and driver.about.horizon == 20
+    assert until(lambda: driver.send(0.3, 0.5) or not board.stopped)
+    left, right = (speed * GEOMETRY["wheel_radius"] for speed in board.wheel_command)
+    assert ((left + right) / 2, (right - left) / TRACK) == pytest.approx((0.3, 0.5), abs=1e-3)
+    assert until(lambda: driver.state().v > 0.29)
+    assert until(lambda: board.stopped, 5.0), "nobody says it again"
+    assert until(lambda: driver.health().counters["stale_commands"] > 0)
+    driver.estop()
+    assert until(lambda: not driver.health().ready)
+    driver.send(0.3, 0.0)
+    assert board.stopped
+    driver.release()
+    assert until(lambda: driver.send(0.3, 0.0) or not board.stopped)
+    board.reboot()
+    assert until(lambda: driver.send(0.2, 0.0) or not board.stopped), "its clock begins anew"
+    driver.stop()
+    driver.send(0.3, 0.0)
+    assert until(lambda: board.stopped) and driver.health().counters["refused_commands"] == 1
+    for wrong in (math.nan, math.inf):
+        with pytest.raises(ValueError):
+            driver.send(wrong, 0.0)
+    driver.close()
+    board.close()
 
 
 def test_a_board_needs_no_more_than_its_frames():

@@ -46,4 +46,7 @@ def test_all_that_lists_boards_follows_the_table():
 
 
 def test_only_a_board_without_encoders_needs_poses_from_outside():
-    assert [name for name, board in BOARDS.items() if not board.encoders] == ["sabertooth"]
+    assert [name for name, board in BOARDS.items() if not board.encoders] == [
+        "sabertooth",
+        "onboard",
+    ]
