@@ -162,9 +162,8 @@ class DriveRecorder:
             "clearance": report["clearance_m"],
             "errors": None if None in errors else errors,
         }
-        words = report["ended"] or report["outcome"]
         loop = {key: report["loop"][key] for key in ("commands_sent", "commands_refused")}
-        self._file.put(Ended(time.monotonic(), {**told, "words": words, **loop}))
+        self._file.put(Ended(time.monotonic(), {**told, "words": report["ended"], **loop}))
 
     def close(self) -> None:
         """Write what waits, and close; idempotent."""

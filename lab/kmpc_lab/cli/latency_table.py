@@ -54,7 +54,6 @@ def emulator(file: Path, link: Path, *options: str) -> Iterator[None]:
         "kmpc_lite.cli.main",
         "emulate",
         str(file),
-        "--json",
         "--scenario",
         SCENARIO,
         *options,
@@ -72,12 +71,13 @@ def emulator(file: Path, link: Path, *options: str) -> Iterator[None]:
         while not link.is_symlink():
             if child.poll() is not None or time.monotonic() > until:
                 child.kill()
-                raise LinkError(f"the emulator did not start: {child.communicate()[1].strip()}")
+                assert child.stderr is not None
+                raise LinkError(f"the emulator did not start: {child.stderr.read().strip()}")
             time.sleep(0.02)
         yield
     finally:
         child.terminate()
-        child.communicate()
+        child.wait()
 
 
 MEASURED = tuple(name for name, board in BOARDS.items() if board.encoders)

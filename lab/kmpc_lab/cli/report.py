@@ -52,7 +52,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="RUN",
-        help="more drives on the same map, for a picture of all: beside.png of --pictures",
+        help="more drives on the same map: the page plays them with it, and beside.png of "
+        "--pictures shows all",
     )
 
 
@@ -61,6 +62,7 @@ def run(options: argparse.Namespace) -> int:
     need("a report", "matplotlib")
     from kmpc_lab.recording.drive_file import load_drive
     from kmpc_lab.report import write_beside, write_pictures, write_report
+    from kmpc_lab.report.overlay import check_one_map
 
     keep_inputs(options.output, options.file, options.model)
     drive = load_drive(options.file)
@@ -68,16 +70,17 @@ def run(options: argparse.Namespace) -> int:
         drive = _between(drive, options.begin, options.end)
     model = kl.KoopmanModel.load(options.model) if options.model else None
     written: list[str] = []
-    if options.beside and not options.pictures:
-        raise kl.ScenarioError("--beside: give --pictures DIR, too: the picture is written there")
-    if options.beside:
-        runs = [drive, *map(load_drive, options.beside)]
+    others = [(str(file), load_drive(file)) for file in options.beside]
+    if others:
+        check_one_map([drive, *(run for _, run in others)], [options.file, *options.beside])
+    if others and options.pictures:
+        runs = [drive, *(run for _, run in others)]
         written.append(str(write_beside(options.pictures, runs, [options.file, *options.beside])))
     elif options.pictures:
         written += [str(f) for f in write_pictures(options.pictures, drive)]
     if options.output or not options.pictures:
         page = options.output or _beside(options.file)
-        write_report(page, drive, model=model, command=command_line())
+        write_report(page, drive, model=model, command=command_line(), beside=others)
         written.append(str(page))
     lines = "\n".join(f"wrote  {name}" for name in written)
     print(json.dumps({"written": written}) if options.json else lines)
@@ -104,6 +107,7 @@ COMMAND = Command(
     examples=(
         "kmpc report drives/monday     # a folder of kmpc run --record, or kmpc simulate --record",
         "kmpc report run.npz -o run.html",
+        "kmpc report monday --beside tuesday   # both on one map, at the same time",
         "kmpc report run.npz --pictures figures",
     ),
     add_options=add_options,

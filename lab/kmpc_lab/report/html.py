@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,7 @@ def write_report(
     *,
     u_min: ArrayLike | None = None,
     u_max: ArrayLike | None = None,
+    beside: Sequence[tuple[str, Run]] = (),
 ) -> None:
     """Write the report of a run: one HTML file, whole or not at all.
 
@@ -72,6 +73,8 @@ def write_report(
         Command line that made the run, to repeat it.
     u_min, u_max : array_like, optional
         Command limits (2,) [m/s, rad/s]; what the run keeps in its `info` if not given.
+    beside : sequence of tuple, optional
+        Names of other drives on the same map, and these: they are played with it.
 
     Raises
     ------
@@ -114,7 +117,7 @@ def write_report(
         made=Markup(table(made_rows(run, command))),
         kept=_kept(run.info),
         css=Markup("\n".join(_file(name) for name in ("page.css", "player.css"))),
-        data=Markup(player_data(run, u_min, u_max)),
+        data=Markup(player_data(run, u_min, u_max, beside)),
         script=Markup(code),
         script_hash=script_hash,
     )

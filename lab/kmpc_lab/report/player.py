@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from firmware_bridge.recording.drive.seen import CORNERS, STEP, hits, outline
 from kmpc_lab.report.map_view import view_of
 from kmpc_lab.report.moments import Moments, moments
 from kmpc_lab.report.pictures.commands import limits
-from kmpc_lab.report.words import STATUS_WORDS
+from kmpc_lab.report.words import STATUS_WORDS, outcome_title, path_times
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.outlines import corners_of
@@ -34,16 +34,23 @@ BUDGET = 900_000
 MOST_BOXES = 3000
 """Rectangles of a grid that are shown."""
 FEWEST = 50
+MOST_PLACES = 1500
+"""Places of a drive that is shown beside another."""
 
 
-def player_data(run: Run, u_min: Any, u_max: Any) -> str:
-    """Give what a page plays as JSON that can stand in a script element."""
+def player_data(run: Run, u_min: Any, u_max: Any, beside: Sequence[tuple[str, Run]] = ()) -> str:
+    """Give what a page plays as JSON that can stand in a script element.
+
+    `beside` are other drives on the same map, by name: they are shown at the same time.
+    """
+    others = [_other(name, drive) for name, drive in beside]
     now = moments(run)
     count = len(now.details.times)
     stride = max(1, -(-count // MOST_MOMENTS))
     while True:
         shown = np.arange(0, count, stride)
-        text = _safe(json.dumps(_table(run, now, shown, u_min, u_max), separators=(",", ":")))
+        table = {**_table(run, now, shown, u_min, u_max), "beside": others}
+        text = _safe(json.dumps(table, separators=(",", ":")))
         if len(text) <= BUDGET or len(shown) <= FEWEST:
             return text
         stride *= 2
@@ -96,6 +103,18 @@ def _table(run: Run, now: Moments, shown: Array, u_min: Any, u_max: Any) -> dict
         "gateOf": _packed(now.gate[shown], "i4"),
         "series": _series(now, shown, low, high, run.dt),
         "end": float(details.times[-1]),
+    }
+
+
+def _other(name: str, drive: Run) -> dict[str, Any]:
+    """Where another drive was, and when; its time begins with the page's."""
+    times = path_times(drive)
+    shown = np.unique(np.linspace(0, len(times) - 1, MOST_PLACES).astype(int))
+    return {
+        "name": name,
+        "ended": outcome_title(drive),
+        "time": _packed(times[shown], "f4"),
+        "pose": _packed(drive.path[shown], "f4"),
     }
 
 

@@ -329,3 +329,49 @@ def test_a_robot_that_is_not_round_is_drawn_as_it_is(run: Run) -> None:
     assert drawn["front"] == pytest.approx(0.3) and drawn["aside"] == cart.half_width
     usual = json.loads(player_data(run, None, None))["map"]
     assert usual["outline"] is None and usual["front"] == usual["aside"] == run.scenario.radius
+
+
+@needs_browser
+def test_the_map_zooms_and_is_moved(browser: Browser, file: Path) -> None:
+    page = opened(browser, file)
+    radius = "Number(document.querySelector('#map circle.robot').getAttribute('r'))"
+    before = page.run(radius)
+    page.click("#closer")
+    assert page.run(radius) == pytest.approx(1.6 * before)
+    place = "document.querySelector('#map .name').getAttribute('x')"
+    there = float(page.run(place))
+    x, y = page.place("#map")
+    for kind, dx, button in (
+        ("mousePressed", 0, 1),
+        ("mouseMoved", 40, 1),
+        ("mouseReleased", 40, 0),
+    ):
+        page.call(
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=x + dx,
+            y=y,
+            button="left",
+            buttons=button,
+            clickCount=1,
+        )
+    assert float(page.run(place)) == pytest.approx(there + 40.0, abs=1.0)
+    page.press("0")
+    assert page.run(radius) == pytest.approx(before)
+    page.press("-")
+    assert page.run(radius) == pytest.approx(before), "wider than all is nothing"
+    assert not page.errors
+
+
+@needs_browser
+def test_another_drive_is_played_on_the_same_map(
+    browser: Browser, run: Run, tmp_path: Path
+) -> None:
+    slow = replace(run, path=run.path + (0.3, 0.0, 0.0))
+    write_report(tmp_path / "two.html", run, beside=[("slow.npz", slow)])
+    page = opened(browser, tmp_path / "two.html")
+    assert "0.30 m away" in page.text("#numbers") and "slow.npz" in page.text("#numbers")
+    first = page.run("document.querySelector('circle.other').getAttribute('cx')")
+    page.press("End")
+    assert page.run("document.querySelector('circle.other').getAttribute('cx')") != first
+    assert not page.errors

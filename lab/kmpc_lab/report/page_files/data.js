@@ -13,6 +13,7 @@ const margin = numbers(D.margin), pathOf = numbers(D.pathOf), gateOf = numbers(D
 const circlesOf = numbers(D.circlesOf), reasonOf = numbers(D.reasonOf);
 const stages = D.stages, planned = numbers(D.plan);
 const first = time[0], last = time[count - 1];
+const others = D.beside.map((o) => ({ ...o, time: numbers(o.time), pose: numbers(o.pose) }));
 const LEVELS = { SOLVED: 0, FEASIBLE: 1, FALLBACK: 2, STOPPED: 3 };
 const PROGRESS = {
   DRIVING: 'driving', HOLDING: 'holding its goal', UNREACHABLE: 'no path to its goal',
@@ -50,21 +51,21 @@ const scanOf = D.scans.of ? numbers(D.scans.of) : null;
 const circlesAt = (index) => circleSet(circlesOf[index]);
 const scanAt = (index) => (scanOf ? scanSet(scanOf[index]) : []);
 
-function at(t) { // number of the newest instant at a time [s]
-  let low = 0, high = count - 1;
+function at(t, instants = time) { // number of the newest instant at a time [s]
+  let low = 0, high = instants.length - 1;
   while (low < high) {
     const middle = (low + high + 1) >> 1;
-    if (time[middle] <= t + 1e-4) low = middle; else high = middle - 1;
+    if (instants[middle] <= t + 1e-4) low = middle; else high = middle - 1;
   }
   return low;
 }
 
-function placeAt(t) { // pose between two instants
-  const k = at(t), n = Math.min(k + 1, count - 1);
-  const span = time[n] - time[k], share = span > 0 ? Math.min((t - time[k]) / span, 1) : 0;
+function placeAt(t, drive = { time, pose }) { // pose between two instants
+  const k = at(t, drive.time), n = Math.min(k + 1, drive.time.length - 1);
+  const span = drive.time[n] - drive.time[k], share = span > 0 ? Math.min((t - drive.time[k]) / span, 1) : 0;
   const found = [];
   for (let j = 0; j < 3; j++) {
-    found.push(pose[3 * k + j] + Math.max(share, 0) * (pose[3 * n + j] - pose[3 * k + j]));
+    found.push(drive.pose[3 * k + j] + Math.max(share, 0) * (drive.pose[3 * n + j] - drive.pose[3 * k + j]));
   }
   return found;
 }

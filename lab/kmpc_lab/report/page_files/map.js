@@ -2,29 +2,29 @@
 const LAYERS = [
   ['unseen', 'out of sight, dark: unknown', '--soft'],
   ['plan', 'plan', '--plan'], ['room', 'margins', '--plan'], ['path', 'path', '--good'],
-  ['scan', 'scan', '--scan'], ['trace', 'whole drive', '--robot'],
+  ['scan', 'scan', '--scan'], ['trace', 'whole drive', '--robot'], ['others', others.map((o) => o.name + ': ' + o.ended).join('; '), '--other'],
 ];
 const map = byId('map'), tip = byId('tip'), hidden = {};
 const keepsMargins = margin.some((value) => value > 0);
-let M = null;
+let M = null, view = D.map.view;
 
 function lineOf(points) {
   return points.map((p) => M.x(p[0]).toFixed(1) + ',' + M.y(p[1]).toFixed(1)).join(' ');
 }
 
 function buildMap() {
-  const width = Math.max(map.parentNode.clientWidth, 200), v = D.map.view;
+  const width = Math.max(map.parentNode.clientWidth, 200), v = view;
   const wide = v[2] - v[0], tall = v[3] - v[1];
   const scale = Math.min((width - 34) / wide, Math.max(0.52 * innerHeight, 280) / tall);
   const height = scale * tall + 24, left = 34 + (width - 34 - scale * wide) / 2;
-  M = { scale, width, height, x: (x) => left + scale * (x - v[0]), y: (y) => scale * (v[3] - y) };
+  M = { scale, width, height, x: (x) => left + scale * (x - v[0]), y: (y) => scale * (v[3] - y),
+    place: (x, y) => [v[0] + (x - left) / scale, v[3] - y / scale] };
   map.setAttribute('viewBox', '0 0 ' + width + ' ' + height);
   map.style.height = height + 'px';
   map.replaceChildren();
   const b = D.map.bounds, still = draw(map, 'g');
-  const x0 = M.x(Math.max(b[0], v[0])), x1 = M.x(Math.min(b[2], v[2]));
-  const y0 = M.y(Math.min(b[3], v[3])), y1 = M.y(Math.max(b[1], v[1]));
-  draw(still, 'rect', { class: 'area', x: x0, y: y0, width: x1 - x0, height: y1 - y0 });
+  draw(still, 'rect', { class: 'area', x: M.x(b[0]), y: M.y(b[3]), width: scale * (b[2] - b[0]),
+    height: scale * (b[3] - b[1]) });
   drawGrid(still, v);
   drawSolids(still);
   drawGoal(still);
@@ -43,17 +43,69 @@ function buildMap() {
     draw(M.robot, 'polygon', { class: 'robot', points });
   } else draw(M.robot, 'circle', { class: 'robot', r: scale * D.map.radius });
   draw(M.robot, 'line', { class: 'nose', x1: 0, y1: 0, x2: scale * D.map.front, y2: 0 });
+  for (const other of others) {
+    const places = [];
+    for (let k = 0; k < other.time.length; k++) places.push([other.pose[3 * k], other.pose[3 * k + 1]]);
+    draw(M.others, 'polyline', { class: 'other', points: lineOf(places) });
+    other.robot = draw(M.others, 'circle', { class: 'other', r: scale * D.map.radius });
+    other.nose = draw(M.others, 'line', { class: 'other' });
+  }
+  drawNumbers(draw(map, 'g'), v);
   for (const [name] of LAYERS) M[name].style.display = hidden[name] ? 'none' : '';
 }
 
 function drawGrid(parent, v) {
   for (const x of ticks(v[0], v[2], M.width / 70)) {
     draw(parent, 'line', { class: 'grid', x1: M.x(x), x2: M.x(x), y1: 0, y2: M.height - 24 });
-    draw(parent, 'text', { x: M.x(x), y: M.height - 8, 'text-anchor': 'middle' }, x + ' m');
   }
   for (const y of ticks(v[1], v[3], M.height / 60)) {
     draw(parent, 'line', { class: 'grid', x1: 34, x2: M.width, y1: M.y(y), y2: M.y(y) });
+  }
+}
+
+function drawNumbers(parent, v) { // at the edges, over whatever a zoomed map has there
+  draw(parent, 'rect', { class: 'rim', x: 0, y: 0, width: 34, height: M.height });
+  draw(parent, 'rect', { class: 'rim', x: 0, y: M.height - 24, width: M.width, height: 24 });
+  for (const x of ticks(v[0], v[2], M.width / 70)) {
+    draw(parent, 'text', { x: M.x(x), y: M.height - 8, 'text-anchor': 'middle' }, x + ' m');
+  }
+  for (const y of ticks(v[1], v[3], M.height / 60)) {
     draw(parent, 'text', { x: 30, y: M.y(y) + 4, 'text-anchor': 'end' }, String(y));
+  }
+}
+
+function zoom(factor, x = M.width / 2, y = M.height / 2) { // about a point of the picture; 0: all
+  const whole = D.map.view, [px, py] = M.place(x, y);
+  const wide = Math.min((view[2] - view[0]) / factor, whole[2] - whole[0]);
+  const share = wide / (view[2] - view[0]);
+  if (!factor || share > 1 - 1e-9 && factor < 1) view = whole;
+  else if (wide > 0.02 * (whole[2] - whole[0])) {
+    view = [px + share * (view[0] - px), py + share * (view[1] - py),
+      px + share * (view[2] - px), py + share * (view[3] - py)];
+  }
+  map.style.touchAction = view === whole ? '' : 'none';
+  redraw();
+}
+
+function pan(dx, dy) { // by so much of the picture
+  view = [view[0] - dx / M.scale, view[1] + dy / M.scale, view[2] - dx / M.scale, view[3] + dy / M.scale];
+  redraw();
+}
+
+function redraw() {
+  buildMap();
+  show(now);
+}
+
+function drawOthers(t) {
+  for (const other of others) {
+    const [x, y, theta] = placeAt(t, other), far = M.scale * D.map.front;
+    other.robot.setAttribute('cx', M.x(x));
+    other.robot.setAttribute('cy', M.y(y));
+    other.nose.setAttribute('x1', M.x(x));
+    other.nose.setAttribute('y1', M.y(y));
+    other.nose.setAttribute('x2', M.x(x) + far * Math.cos(theta));
+    other.nose.setAttribute('y2', M.y(y) - far * Math.sin(theta));
   }
 }
 

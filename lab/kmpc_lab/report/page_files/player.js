@@ -7,6 +7,7 @@ function show(t) {
   now = Math.min(Math.max(t, first), last);
   const index = at(now), place = placeAt(now);
   drawMoment(index, place);
+  drawOthers(now);
   moveCharts(index, now);
   readOut(index);
   slider.value = now;
@@ -31,6 +32,11 @@ function readOut(index) {
   }
   if (keepsMargins) set('Margin kept, next step', told(margin[index * stages + 1], 'm'));
   set('Position', fixed(pose[3 * index], 2) + ', ' + fixed(pose[3 * index + 1], 2) + ' m');
+  for (const other of others) {
+    const place = placeAt(now, other);
+    const apart = Math.hypot(place[0] - pose[3 * index], place[1] - pose[3 * index + 1]);
+    set(other.name, fixed(apart, 2) + ' m away');
+  }
   set('Heading', told((pose[3 * index + 2] * 180) / Math.PI, '°').replace(/\.\d+ /, ''));
 }
 
@@ -124,6 +130,9 @@ function onKey(event) {
     ArrowRight: () => (event.shiftKey ? seek(now + 1) : step(1)),
     Home: () => seek(first),
     End: () => seek(last),
+    '+': () => zoom(1.6),
+    '-': () => zoom(1 / 1.6),
+    0: () => zoom(0),
   };
   if (!moves[event.key]) return;
   event.preventDefault();
@@ -135,6 +144,7 @@ function makeLayers() {
     if ((name === 'scan' || name === 'unseen') && !scanOf) continue;
     if (name === 'path' && !D.paths.length) continue;
     if (name === 'room' && !keepsMargins) continue;
+    if (name === 'others' && !others.length) continue;
     const label = make(document.querySelector('.layers'), 'label');
     const box = make(label, 'input', { type: 'checkbox' });
     box.checked = true;
@@ -188,8 +198,29 @@ map.addEventListener('pointermove', (event) => {
   tell(tip, event, fixed(time[k], 2) + ' s: ' + statusOf(k) + ', ' +
     told(D.series[0].lines.planned[k], 'm/s'));
 });
+let grip = null, moved = false;
+map.addEventListener('pointerdown', (event) => { grip = [event.clientX, event.clientY]; moved = false; });
+addEventListener('pointerup', () => { grip = null; });
+map.addEventListener('pointermove', (event) => {
+  if (!grip || view === D.map.view) return;
+  const by = [event.clientX - grip[0], event.clientY - grip[1]];
+  if (!moved && Math.hypot(...by) < 6) return;
+  moved = true;
+  grip = [event.clientX, event.clientY];
+  pan(...by);
+});
+map.addEventListener('wheel', (event) => {
+  if (!event.ctrlKey && view === D.map.view && event.deltaY > 0) return; // the page scrolls on
+  event.preventDefault();
+  const box = map.getBoundingClientRect();
+  zoom(Math.exp(-event.deltaY / 400), event.clientX - box.left, event.clientY - box.top);
+}, { passive: false });
+for (const [name, factor] of [['closer', 1.6], ['wider', 1 / 1.6], ['whole', 0]]) {
+  byId(name).addEventListener('click', () => zoom(factor));
+}
 map.addEventListener('pointerleave', () => { tip.hidden = true; });
 map.addEventListener('click', (event) => {
+  if (moved) return;
   const k = nearestOnTrace(event);
   if (k >= 0) seek(time[k]);
 });
