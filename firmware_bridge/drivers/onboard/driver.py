@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from firmware_bridge.drivers.onboard.board_clock import BoardClock
 from firmware_bridge.drivers.onboard.messages import (
     ESTOPPED,
     STANDING,
@@ -17,15 +17,14 @@ from firmware_bridge.drivers.onboard.messages import (
     Kind,
     Telemetry,
     decoder,
-    floats,
     heartbeat,
     message,
     model,
     parse,
     pose,
-    rows,
     velocity,
 )
+from firmware_bridge.drivers.onboard.task import Task, task_of
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError, LinkStatus, State
@@ -35,38 +34,8 @@ TICK = 0.1
 """Between heartbeats [s]: the board stops without any for 0.5 s."""
 REPEAT = 3
 """Heartbeats between repetitions of obstacles and path, which hold for 1 and 2 s."""
-WAYS = 50
-"""Telemetry by which a board's clock is known: of five seconds."""
 SILENT = 0.5
 """Telemetry that is older shows a board that is gone [s]."""
-
-
-class BoardClock:
-    """What a board's clock is at: from its telemetry, of which the fastest came at once.
-
-    A board that is thought to be behind takes what it is sent for older than it is: it stops
-    rather too early.
-    """
-
-    def __init__(self) -> None:
-        self._ways: deque[float] = deque(maxlen=WAYS)
-        self._newest = -math.inf
-
-    @property
-    def known(self) -> bool:
-        """Whether it has been heard."""
-        return bool(self._ways)
-
-    def hear(self, uptime: float, stamp: float) -> None:
-        """Take its clock [s], heard at `stamp` [s]."""
-        if uptime < self._newest:  # it was switched off and on
-            self._ways.clear()
-        self._newest = uptime
-        self._ways.append(stamp - uptime)
-
-    def at(self, stamp: float) -> float:
-        """Its clock [s] at a time of ours [s]."""
-        return stamp - min(self._ways)
 
 
 @dataclass(frozen=True)
@@ -79,20 +48,6 @@ class OnboardOptions:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check(self)
-
-
-@dataclass(frozen=True)
-class Task:
-    """Where the board drives by itself."""
-
-    goal: tuple[float, ...]
-    obstacles: tuple[tuple[float, ...], ...]
-    path: tuple[tuple[float, ...], ...]
-
-    def messages(self) -> bytes:
-        """All of it: what is repeated changes nothing."""
-        around = rows(Kind.OBSTACLES, self.obstacles) + rows(Kind.PATH, self.path)
-        return around + message(Kind.GOAL, floats(self.goal))
 
 
 class OnboardDriver:
@@ -199,11 +154,9 @@ class OnboardDriver:
         ValueError
             For numbers that are not finite, and for more than the board can hold.
         """
-        task = Task(
-            _table("goal", [goal], 3, 1)[0],
-            _table("obstacles", obstacles, 5, self.about.circles if self.about else 24),
-            _table("path", path, 3, self.about.poses if self.about else 64),
-        )
+        about = self.about
+        most = (24, 64) if about is None else (about.circles, about.poses)
+        task = task_of(goal, obstacles, path, *most)
         with self._lock:
             self._task, self._command, self._released = task, (0.0, 0.0), False
             self._transport.write(task.messages())
@@ -311,16 +264,3 @@ class OnboardDriver:
         else:
             self._set(0.0, 0.0)  # a zero may be lost; anything else is for the gate to repeat
         self._beats += 1
-
-
-def _table(
-    name: str, values: Sequence[Sequence[float]], columns: int, most: int
-) -> tuple[tuple[float, ...], ...]:
-    """Check rows of finite numbers."""
-    table = tuple(tuple(float(value) for value in row) for row in values)
-    sound = all(len(row) == columns and all(map(math.isfinite, row)) for row in table)
-    if len(table) > most or not sound:
-        raise ValueError(
-            f"{name}: expected at most {most} rows of {columns} finite numbers, got {len(table)}"
-        )
-    return table
