@@ -267,7 +267,7 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
 
 def tell_margins(learned: Learned) -> str:
     """Tell how a model's margins were calibrated, and how much room they take."""
-    from kmpc_lite.control.margins.model_margins import Margins
+    from kmpc_lite.control.margins.margins import Margins
     from kmpc_lite.learn.windows import largest_speeds
 
     model = learned.model

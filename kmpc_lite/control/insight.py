@@ -67,8 +67,8 @@ def _margins(controller: Controller, plan: Plan) -> Array:
     clearance: float | Array = math.inf
     if state.guide is not None:
         clearance = state.guide.kept_on_the_way(states, controller.units.inflation)
-    felt = known.margins.tightening.felt(state.innovation)
-    found = known.margins.tightening.margins(
+    felt = known.margins.felt(state.innovation)
+    found = known.margins.of_plan(
         felt, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
     )
     out: Array = asked + found.max(axis=1) * scale.length

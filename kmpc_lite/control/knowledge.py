@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from kmpc_lite.control.kernels import NUMPY, Kernels
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.units import scaled_problem, with_goal_weights, with_tracking_weights

@@ -25,7 +25,7 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.obstacle_margins import FeltNoise
+    from kmpc_lite.control.margins.model_noise import FeltNoise
     from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Nearby, Solids
 

@@ -109,7 +109,7 @@ class Pipeline:
             if innovation.error is not None and period is not None:
                 errors, heading = margins.expected_errors, float(period.pose[2])
                 errors.judge(innovation, innovation.error, heading, period.command)
-            seen.felt = margins.tightening.felt(innovation)
+            seen.felt = margins.felt(innovation)
         self._answers.events.drift(innovation.drifting)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
@@ -175,7 +175,6 @@ class Pipeline:
             guess, least = along(qp, reference, seen.here), 2
         deadline = clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE))
         clock.lap("shift")
-        margins = known.margins
         task = Task(
             model=known.model,
             reference=reference,
@@ -184,7 +183,7 @@ class Pipeline:
             last=state.history.command,
             curvature=state.history.curvature,
             solids=seen.nearby,
-            tightening=None if margins is None else margins.tightening,
+            margins=known.margins,
             felt=seen.felt,
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
@@ -203,7 +202,7 @@ class Pipeline:
         clock: StepClock,
     ) -> Verified:
         """Check that the model agrees with the plan, and that the robot can stop after it."""
-        margins, known_range = known.margins, self._problem.sensor_range
+        known_range = self._problem.sensor_range
         around = Surroundings(
             things=seen.things,
             nearby=seen.nearby,
@@ -220,7 +219,7 @@ class Pipeline:
             past=state.history.commands,
             last=state.history.command,
             around=around,
-            margins=None if margins is None else margins.stop_margins,
+            margins=known.margins,
             felt=seen.felt,
         )
         verified = self._verification.check(result, seen, task)

@@ -104,7 +104,7 @@ class Watching:
         """Look around: what scans show, and what they have shown before."""
         if not seen.scans and state.seen is None:
             return
-        noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
+        noise = 0.0 if known.margins is None else known.margins.pose_deviation
         moving = seen.things[seen.things[:, VELOCITY].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:

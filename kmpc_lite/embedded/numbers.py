@@ -229,19 +229,18 @@ def _margins(controller: Controller) -> dict[str, Any]:
                 "command_noise": factors,
             }
         )
-    tightening = margins.tightening
-    felt = tightening.calm
+    felt = margins.calm
     return _tube(felt.tube) | {
         "tightens": 1,
         "errs": int(felt.command_errs),
-        "side_margin": tightening.side_margin,
-        "far_clearance": tightening.far_clearance,
+        "side_margin": margins.side_margin,
+        "far_clearance": margins.far_clearance,
         "widest": felt.widest,
         "position_errors": felt.position_errors,
         "heading_errors": felt.heading_errors,
         "command_noise": felt.command,
         "step_quantile": margins.noise.step_quantile,
-        "pose_error": margins.stop_margins.pose_error,
+        "pose_error": margins.pose_error,
     }
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.margins.model_margins import Margins
-from kmpc_lite.control.margins.obstacle_margins import FeltNoise
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_noise import FeltNoise
 from kmpc_lite.control.options import MarginOptions, StopOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
 from kmpc_lite.control.stop.surroundings import Surroundings
@@ -50,7 +51,7 @@ class Wary:
 
     @property
     def felt(self) -> FeltNoise:
-        return self.of.tightening.felt(self.drift)
+        return self.of.felt(self.drift)
 
     def reset(self) -> None:
         self.drift = InnovationState()
@@ -64,21 +65,21 @@ class Wary:
         self.of.expected_errors.judge(self.drift, error, heading, command)
 
     def margins(self, *plan: Any, **more: Any) -> np.ndarray:
-        return self.of.tightening.margins(self.felt, *plan, **more)
+        return self.of.of_plan(self.felt, *plan, **more)
 
     def covariances(self, *plan: Any) -> np.ndarray:
-        return self.of.tightening.covariances(self.felt, *plan)
+        return covariances(self.felt, *plan)
 
     def margin(self, v: float, omega: float) -> float:
         """Of a motion that lasts a period."""
         dt = self.model.dt
         way = np.array([dt * v]), np.array([dt * omega])
-        return float(self.of.stop_margins.of_motions(self.felt, *way)[0])
+        return float(self.of.of_motions(self.felt, *way)[0])
 
     def error(self, v: float, omega: float) -> float:
         """Of a command, towards whatever lies where it errs most."""
         command, anywhere = np.array([(v, omega)]), directions_around(16)
-        return float(self.of.stop_margins.of_commands(self.felt, command, anywhere).max())
+        return float(self.of.of_commands(self.felt, command, anywhere).max())
 
     def motion(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> SafeMotion:
         """What is driven of a steady plan."""
@@ -86,7 +87,7 @@ class Wary:
         none = np.zeros((self.model.history, 2))
         states = self.model.rollout(here, inputs, none)
         around = Surroundings(things_of(circles))
-        task = MotionTask(self.model, none, np.zeros(2), around, self.of.stop_margins, self.felt)
+        task = MotionTask(self.model, none, np.zeros(2), around, self.of, self.felt)
         return SafeMotions(self.problem, StopOptions()).find(states, inputs, task)
 
     def speed_share(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> float:
@@ -94,6 +95,12 @@ class Wary:
         motion = self.motion(here, command, circles)
         assert motion.commands is not None
         return float(motion.inputs[0, 0] / command[0])
+
+
+def covariances(felt: FeltNoise, lin: Any, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]."""
+    factors = tube.factors(felt.tube, lin.A, states, inputs)[:, :2]
+    return factors @ factors.transpose(0, 2, 1)
 
 
 def slipping(slip: float, seed: int = 0) -> kl.KoopmanModel:

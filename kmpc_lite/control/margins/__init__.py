@@ -1,5 +1,5 @@
-"""Margins: how far plans and commands stay away from obstacles for what the model does not know.
+"""What the model does not know, as distances.
 
-`obstacle_margins` computes the margin of each obstacle in a plan, `stop_margins` those of motions
-that are about to be driven; `model_margins` builds them for one model.
+`margins` computes the margin of each obstacle in a plan, and those of motions that are about to be
+driven, from the errors that a model expects of itself (`model_noise`).
 """

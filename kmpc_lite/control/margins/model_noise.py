@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
+from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
@@ -31,6 +32,8 @@ whose pose jumps would ask for nonsense."""
 ADAPTED_SHARE = 0.1
 """Share of the risk of a single command that is taken with an adapted model: it knows its floor
 from a few seconds only."""
+HEADING = 8
+"""Place of the heading's variance in a covariance (9,)."""
 UNKNOWN_FLOOR_SLIP = 0.35
 """Standard deviation of a command's error on an unknown floor, as a share of what it drives: a slip
 of 0.2 pushes farther than five times that once in ten thousand periods."""
@@ -47,6 +50,25 @@ class InflatedNoise(NamedTuple):
     """Of the coming period: larger on an unknown floor."""
     spreads: bool
     """Whether there is any noise in a plan."""
+
+
+class FeltNoise(NamedTuple):
+    """The noise of a model as inflated by past innovations; worked out once a step."""
+
+    tube: tube.Noise
+    """Of the later periods of a plan, as its margins follow from it."""
+    widest: float
+    """Margin that no plan within the command bounds exceeds [m]."""
+    command: Array
+    """(2, 9) covariances (3, 3) of the coming period, to be multiplied by v^2 and by omega^2, in
+    the robot's frame: larger on an unknown floor."""
+    position_errors: Array
+    """(4,) variances of the coming period by v^2 and by omega^2, then what lasts of them: of the
+    position, in all directions together [m^2] ..."""
+    heading_errors: Array
+    """... and of the heading [rad^2], as `kernels.stop_errors` takes them."""
+    command_errs: bool
+    """Whether there is any noise in the coming period."""
 
 
 class ModelNoise:

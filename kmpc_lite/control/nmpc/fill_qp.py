@@ -72,14 +72,14 @@ class FillQP:
         gaps, away = self._nothing
         if task.solids is not None:
             gaps, away = task.solids.measure(points, self._kernels)
-        margins, tightening, felt = None, task.tightening, task.felt
-        if tightening is not None and felt is not None:
+        margins, felt = None, task.felt
+        if task.margins is not None and felt is not None:
             path = task.path_clearance
             margins = PlanMargins(
                 noise=felt.tube,
                 widest=felt.widest,
-                far_clearance=tightening.far_clearance,
-                side_margin=tightening.side_margin,
+                far_clearance=task.margins.far_clearance,
+                side_margin=task.margins.side_margin,
                 path_clearance=(
                     np.full(len(inputs), path) if isinstance(path, float) else np.ravel(path)
                 ),

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from kmpc_lite.control.margins.obstacle_margins import FeltNoise, Tightening
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_noise import FeltNoise
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.model.motion import MotionModel
@@ -31,10 +32,10 @@ class Task(NamedTuple):
     """(2,) the command sent last, zero of a robot that stands."""
     solids: Nearby | None = None
     """Polygons, walls and grids that the robot can come to."""
-    tightening: Tightening | None = None
+    margins: Margins | None = None
     """Margins beyond the radii; worked out at each linearisation and held during the pass."""
     felt: FeltNoise | None = None
-    """The noise, as past innovations inflate it; given with `tightening`."""
+    """The noise, as past innovations inflate it; given with `margins`."""
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""

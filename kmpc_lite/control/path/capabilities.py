@@ -16,7 +16,7 @@ from kmpc_lite.model.tube import feedback_delay
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.model_margins import Margins
+    from kmpc_lite.control.margins.margins import Margins
 
 SPARE_CLEARANCE = 0.02
 """How much more clearance a path keeps than a plan's margin at full speed [m]: a plan that touches

@@ -8,7 +8,7 @@ be driven.
 
 It holds as far as these are true:
 
-- the model is wrong by less than its margins (`margins/stop_margins.py`);
+- the model is wrong by less than its margins (`margins/margins.py`);
 - circles keep their velocity, or turn for a while, and solids stay until the robot stands; a
   standing robot can still be driven into;
 - the pose is right, and every obstacle that the motion comes to is known: all are given, or those
@@ -27,8 +27,8 @@ import numpy as np
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import safe_motion as kernel
-from kmpc_lite.control.margins.obstacle_margins import FeltNoise
-from kmpc_lite.control.margins.stop_margins import StopMargins
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_noise import FeltNoise
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -58,7 +58,7 @@ class MotionTask(NamedTuple):
     """(2,) the command sent last."""
     around: Surroundings
     """What is around the robot."""
-    margins: StopMargins | None = None
+    margins: Margins | None = None
     """Of motions; without them every plan is accepted."""
     felt: FeltNoise | None = None
     """The noise, as past innovations inflate it; given with `margins`."""
@@ -262,7 +262,7 @@ class SafeMotions:
         return self._kernels.admissible(
             clearance,
             standing,
-            self._options.spend_share * margins.sure(standing),
+            self._options.spend_share * np.maximum(standing - margins.pose_error, 0.0),
             needed,
             np.hypot(*np.moveaxis(places - begin, -1, 0)),
             np.where(motions.free[:, None, None], -TURN_ALLOWANCE * radius, errors),

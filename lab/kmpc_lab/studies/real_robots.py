@@ -22,7 +22,7 @@ from kmpc_lab.studies.learning import load_drives
 from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.robot_drives import RobotDrive, course_of, judge
 from kmpc_lite.control import Controller
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
 from kmpc_lite.learn.calibration import scores, with_quantiles

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from wary import covariances
 
 import kmpc_lab
 import kmpc_lite as kl
@@ -260,18 +261,17 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     lin, normals = knowing[0.0].linearize(states[:-1], inputs), np.tile((0.0, 1.0), (20, 1, 1))
     margins, state = controller.known.margins, InnovationState()
     assert margins is not None
-    tightening = margins.tightening
     # what one period of an unknown floor may do is kept in any case
-    kept = tightening.margins(tightening.calm, lin, states, inputs, normals)
+    kept = margins.of_plan(margins.calm, lin, states, inputs, normals)
     assert kept.min() > MarginOptions().headway * controller.problem.robot_radius
 
     def spread() -> float:
-        return float(tightening.covariances(tightening.felt(state), lin, states, inputs).max())
+        return float(covariances(margins.felt(state), lin, states, inputs).max())
 
     def single() -> float:
         ahead = np.array((1.0, 0.0, 0.0))
-        felt = tightening.felt(state)
-        return float(margins.stop_margins.of_commands(felt, inputs[:1], ahead)[0])
+        felt = margins.felt(state)
+        return float(margins.of_commands(felt, inputs[:1], ahead)[0])
 
     calm, before = spread(), single()
     for _ in range(5):

@@ -36,8 +36,8 @@ def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observa
         np.empty((0, 2)),
         np.zeros(2),
         Surroundings(things),
-        margins=margins.stop_margins,
-        felt=margins.tightening.calm,
+        margins=margins,
+        felt=margins.calm,
     )
     return controller, result, seen, task
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.learn.noise import prediction_errors, split_noise_sources
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources, design, design_across

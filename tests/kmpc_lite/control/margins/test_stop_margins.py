@@ -48,7 +48,7 @@ def test_many_steps_with_noisy_poses_do_not_end_in_the_obstacle():
     wary, random = Wary(model, PROBLEM), np.random.default_rng(4)
     left = {}
     for name, error in (("as measured", 0.0), ("sure", wary.quantile * noise)):
-        wary.of.stop_margins.pose_error = error
+        wary.of.pose_error = error
         ends = []
         for _ in range(40):
             x = 1.0 - 0.35 - 0.05
@@ -69,7 +69,7 @@ def test_what_is_sure_of_a_pose_comes_from_its_noise():
         blurred = dataclasses.replace(model, noise_model=NoiseModel(residuals.copy()))
         wary = Wary(blurred, PROBLEM)
         expected = pytest.approx(wary.quantile * noise, rel=1e-2)
-        assert wary.of.stop_margins.pose_error == expected
+        assert wary.of.pose_error == expected
 
 
 def test_a_robot_that_does_not_know_its_floor_is_wary_of_each_command():
@@ -125,14 +125,14 @@ def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away(dt, accur
 
 def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> None:
     wary = Wary(slipping(0.2), PROBLEM)
-    check, felt = wary.of.stop_margins, wary.felt
+    check, felt = wary.of, wary.felt
     solver = wary.margin(0.0, 0.0)
     one, four = (check.of_motions(felt, np.full(n, 0.06), np.full(n, 0.03))[-1] for n in (1, 4))
     # its headings lead aside by a hair
     assert one == pytest.approx(wary.margin(0.6, 0.3), rel=1e-3)
     lasting = 0.6**2 * felt.position_errors[2] + 0.3**2 * felt.position_errors[3]
     whole = 0.6**2 * felt.position_errors[0] + 0.3**2 * felt.position_errors[1]
-    rare, usual = check._noise.step_quantile, check._noise.quantile
+    rare, usual = check.noise.step_quantile, check.noise.quantile
     expected = (4 * rare**2 * (whole - lasting) + 16 * usual**2 * lasting) ** 0.5
     assert usual < rare and four - solver == pytest.approx(expected, rel=1e-2)
     # a robot that has stopped errs no farther
@@ -148,13 +148,13 @@ def test_a_heading_that_is_off_leads_a_stop_aside_by_all_that_is_driven_after() 
         noise_model=NoiseModel(coefficients),
     )
     wary = Wary(model, PROBLEM)
-    check, calm = wary.of.stop_margins, wary.felt
+    check, calm = wary.of, wary.felt
     distances, turns = np.array([0.06, 0.04, 0.02, 0.0]), np.array([0.05, -0.03, 0.0, 0.0])
     found = check.of_motions(calm, distances, turns) - check.of_motions(calm, 0 * turns, 0 * turns)
     off = 2e-3 * (distances / 0.1) ** 2 + 1e-3 * (turns / 0.1) ** 2
     for k in range(4):
         ways = np.array([distances[j : k + 1].sum() for j in range(k + 1)])
-        aside = check._noise.step_quantile * np.sqrt((off[: k + 1] * ways**2).sum())
+        aside = check.noise.step_quantile * np.sqrt((off[: k + 1] * ways**2).sum())
         assert found[k] == pytest.approx(aside, rel=1e-3)
 
 
@@ -163,9 +163,7 @@ def test_a_single_command_errs_towards_a_thing_as_its_noise_lies() -> None:
     coefficients[1, 1, 1] = 4e-4
     model = dataclasses.replace(nominal_unicycle(0.1), noise_model=NoiseModel(coefficients))
     wary = Wary(model, PROBLEM)
-    found = wary.of.stop_margins.of_commands(
-        wary.felt, np.array([(0.5, 0.0), (1.0, 0.0)]), np.eye(3)
-    )
+    found = wary.of.of_commands(wary.felt, np.array([(0.5, 0.0), (1.0, 0.0)]), np.eye(3))
     assert found.shape == (2, 3)
     assert found[0, 1] == pytest.approx(wary.of.noise.step_quantile * 0.5 * 0.02)
     assert found[1, 1] == pytest.approx(2.0 * found[0, 1]) and found[0, 0] < 0.1 * found[0, 1]
@@ -174,10 +172,10 @@ def test_a_single_command_errs_towards_a_thing_as_its_noise_lies() -> None:
 def test_a_stop_of_a_robot_that_is_not_round_has_room_for_errors_of_its_turn() -> None:
     long = NavigationProblem(footprint=Footprint.rectangle(0.8, 0.3, ahead=0.2))
     wary, turns = Wary(slipping(0.2), long), np.full(3, 0.03)
-    check, still = wary.of.stop_margins, np.zeros(3)
+    check, still = wary.of, np.zeros(3)
     assert check.of_motions(wary.felt, still[:1], turns[:1])[0] == pytest.approx(
         wary.margin(0.0, 0.3)
     )
     round_one = Wary(slipping(0.2), PROBLEM)
     wider = check.of_motions(wary.felt, still, turns)
-    assert (wider > 2.0 * round_one.of.stop_margins.of_motions(round_one.felt, still, turns)).all()
+    assert (wider > 2.0 * round_one.of.of_motions(round_one.felt, still, turns)).all()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wary import of_noise
+from wary import covariances, of_noise
 
 import kmpc_lab
 import kmpc_lite as kl
@@ -146,8 +146,8 @@ def test_the_same_robot_in_other_units_keeps_the_same_distances() -> None:
     outer = of_noise(model).covariances(lin, states, inputs)
     motion = controller.known.model
     by_state, by_command = scale.state, scale.command
-    inside = inner.tightening.covariances(
-        inner.tightening.calm,
+    inside = covariances(
+        inner.calm,
         motion.linearize(states[:-1] / by_state, inputs / by_command, None),
         states / by_state,
         inputs / by_command,

@@ -13,7 +13,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
@@ -48,8 +48,8 @@ def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins)
         CIRCLES,
         np.zeros((model.history, 2)),
         np.zeros(2),
-        tightening=margins.tightening,
-        felt=margins.tightening.calm,
+        margins=margins,
+        felt=margins.calm,
     )
     return sqp.solve(guess, task).trajectory
 
@@ -85,12 +85,11 @@ def test_margins_of_a_state_do_not_depend_on_the_states_asked_for_before(
     inputs = np.tile((0.5, 0.2), (20, 1))
     states = learned.rollout(np.zeros(3), inputs)
     plan = learned.linearize(states[:-1], inputs), states, inputs, np.tile((0.0, 1.0), (20, 2, 1))
-    tightening = margins.tightening
-    before = tightening.margins(tightening.felt(calm), *plan).copy()
-    wider = tightening.margins(tightening.felt(alarmed), *plan)
+    before = margins.of_plan(margins.felt(calm), *plan).copy()
+    wider = margins.of_plan(margins.felt(alarmed), *plan)
     assert (wider >= before).all() and (wider > before)[5:].all()
-    assert tightening.felt(alarmed).widest > tightening.felt(calm).widest
-    np.testing.assert_array_equal(tightening.margins(tightening.felt(calm), *plan), before)
+    assert margins.felt(alarmed).widest > margins.felt(calm).widest
+    np.testing.assert_array_equal(margins.of_plan(margins.felt(calm), *plan), before)
 
 
 def test_a_model_that_expects_more_noise_finds_less_of_it_unexpected(

@@ -10,7 +10,7 @@ from guided import GuideInUse
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.path.capabilities import (
     capabilities,

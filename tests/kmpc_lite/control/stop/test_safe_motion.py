@@ -13,7 +13,7 @@ import kmpc_lab as lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import safe_motion as kernel
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
 from kmpc_lite.control.stop.surroundings import Surroundings
@@ -53,8 +53,8 @@ def find(
     states = model.rollout(np.zeros(3), inputs, past)
     margins = Margins(model, problem)
     if pose_error is not None:
-        margins.stop_margins.pose_error = pose_error
-    task = MotionTask(model, past, last, around, margins.stop_margins, margins.tightening.calm)
+        margins.pose_error = pose_error
+    task = MotionTask(model, past, last, around, margins, margins.calm)
     return SafeMotions(problem, StopOptions(**options)).find(states, inputs, task)
 
 
@@ -299,13 +299,13 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     model, margins = NOMINAL, Margins(NOMINAL, PROBLEM)
     beside, inputs = Surroundings(rows((0.0, 0.39, 0.2))), np.tile((0.6, 0.0), (20, 1))
     states, none = model.rollout(np.zeros(3), inputs), np.zeros((0, 2))
-    state, tightening = InnovationState(), margins.tightening
+    state = InnovationState()
     motions = SafeMotions(PROBLEM, StopOptions())
-    task = MotionTask(model, none, np.zeros(2), beside, margins.stop_margins, tightening.calm)
+    task = MotionTask(model, none, np.zeros(2), beside, margins, margins.calm)
     assert not motions.find(states, inputs, task).slowed
     for _ in range(3):
         margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
-    task = task._replace(felt=tightening.felt(state))
+    task = task._replace(felt=margins.felt(state))
     assert motions.find(states, inputs, task).inputs[0, 0] < 0.4
 
 

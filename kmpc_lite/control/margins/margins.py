@@ -1,0 +1,275 @@
+"""Margins of plans and motions: what is kept beyond the radii for what the model does not know.
+
+Those of a plan: zero-order robust optimisation (Zanelli et al. 2021, zoRO in acados). The spread of
+the robot around its plan is computed at the last iterate and stays outside the QP, which gets no
+new variables, only half-planes that are farther away. Those of motions that are about to be driven
+take commands as they will be sent; errors grow with the speed, so that a slower robot may come
+nearer to an obstacle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.kernels import NUMPY, Kernels, tube
+from kmpc_lite.control.margins.model_noise import (
+    HEADING,
+    SOLVER_MARGIN,
+    FeltNoise,
+    ModelNoise,
+    factor,
+    factors,
+    trace,
+)
+from kmpc_lite.control.margins.widest import Widest
+from kmpc_lite.control.options import MarginOptions, fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.arguments import speeds
+from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import FLOOR
+from kmpc_lite.types import STATES, Array
+
+NOTHING = np.empty((STATES, 0))
+"""Factors of a noise that there is none of."""
+
+FAR_CLEARANCE = 2 / 3
+"""Margins are worked out for obstacles within the widest margin and this much more [radii]; for
+those farther away the widest margin is used."""
+
+
+class Margins:
+    """Margins of plans and of motions, and what innovations are expected, for one model.
+
+    It remembers nothing of a drive: the noise as past innovations inflate it (`felt`) is the first
+    argument of all that depends on them. Another model gets other `Margins`.
+
+    Parameters
+    ----------
+    model : MotionModel
+        Its noise model and its table of quantiles; without these only speed and chords count.
+    problem : NavigationProblem
+        Horizon, period, outline, margin and command bounds.
+    options : MarginOptions
+        Risks, headway, and what is added to every margin.
+    adapted : bool
+        Whether the model was corrected while driving: it knows its floor from a few seconds, so
+        that single commands are made safe for rarer errors.
+    kernels : Kernels
+        Compute those of motions.
+
+    Attributes
+    ----------
+    noise : ModelNoise
+        Noise and quantiles.
+    expected_errors : ExpectedErrors
+        Tells whether the robot does otherwise than its model says.
+    side_margin, far_clearance : float
+        From the sides of the area, and beyond which obstacles are far [m].
+    pose_deviation : float
+        Standard deviation of a measured position, at full speed [m].
+    pose_error : float
+        Quantile of how far a measured pose is off [m]: only what a clearance has beyond it is sure.
+        Near an obstacle every step may use up a share of its clearance; with one that is not sure,
+        many steps would end in the obstacle.
+    calm : FeltNoise
+        As long as innovations are what the model expects.
+
+    Raises
+    ------
+    ProblemError
+        For a damaged table of quantiles in the model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kmpc_lite import nominal_unicycle
+    >>> model = nominal_unicycle(0.1)
+    >>> margins = Margins(model, NavigationProblem())
+    >>> inputs = np.tile([0.6, 0.0], (20, 1))
+    >>> states = model.rollout((0.0, 0.0, 0.0), inputs)
+    >>> lin, left = model.linearize(states[:-1], inputs), np.tile([0.0, 1.0], (20, 4, 1))
+    >>> calm = margins.calm
+    >>> found = margins.of_plan(calm, lin, states, inputs, left)
+    >>> found.shape, float(found[0, 0].round(4))
+    ((20, 4), 0.068)
+    """
+
+    def __init__(
+        self,
+        model: MotionModel,
+        problem: NavigationProblem,
+        options: MarginOptions | None = None,
+        *,
+        adapted: bool = False,
+        kernels: Kernels = NUMPY,
+    ) -> None:
+        options = MarginOptions() if options is None else options
+        self.noise = noise = ModelNoise(model, problem, options, adapted)
+        self.expected_errors, self._kernels = noise.expected_errors, kernels
+        self._model, self._horizon = model, problem.horizon
+        self._directions = 2 if problem.footprint is None else 3
+        footprint = problem.footprint
+        self._reach = 0.0 if footprint is None else footprint.reach
+        """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
+        unit = unit_length(problem)
+        self._solver_margin = SOLVER_MARGIN * unit
+        self.side_margin = options.side_margin * unit
+        self.far_clearance = FAR_CLEARANCE * unit
+        self._touch = float(problem.body_radius + problem.margin)
+        speed = fastest(problem)[0]
+        self._headway = options.headway * unit / speed
+        """Time of driving on at a speed that is the least margin [s]."""
+        pose = noise.tube.pose + speed**2 * noise.tube.pose_by_speed
+        self.pose_deviation = math.sqrt(max(0.5 * float(pose[0, 0] + pose[1, 1]), 0.0))
+        headway = self._headway * float(speed)
+        self._widest = Widest(noise, problem, headway, self._solver_margin)
+        self._pose = factor(noise.tube.pose)
+        by_speed = noise.tube.pose_by_speed
+        self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING
+        variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
+        self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
+        self.calm = self._felt(1.0, False)
+
+    def felt(self, state: InnovationState) -> FeltNoise:
+        """Work out the noise as past innovations inflate it."""
+        errors = self.noise.expected_errors
+        inflation, unknown = errors.inflation(state), errors.is_unknown_floor(state)
+        return self._felt(inflation, unknown) if unknown or inflation != 1.0 else self.calm
+
+    def _felt(self, inflation: float, unknown_floor: bool) -> FeltNoise:
+        noise, found = self.noise, self.noise.inflated(inflation, unknown_floor)
+        command, lasting = found.command, found.lasting
+        return FeltNoise(
+            tube=tube.Noise(
+                white=factors(found.plan),
+                lasting=factors(lasting) if noise.lasts else NOTHING,
+                pose=self._pose,
+                pose_by_speed=self._pose_by_speed,
+                delay=noise.delay,
+                quantile=noise.quantile,
+                headway_time=self._headway,
+                touch=self._touch,
+                reach=self._reach,
+                solver_margin=self._solver_margin,
+                spreads=found.spreads,
+            ),
+            widest=self._widest.of(found),
+            command=command,
+            position_errors=np.array(trace(command) + trace(lasting)),
+            heading_errors=np.concatenate([command[:, HEADING], lasting[:, HEADING]]),
+            command_errs=found.spreads or unknown_floor,
+        )
+
+    def of_plan(
+        self,
+        felt: FeltNoise,
+        lin: Linearization,
+        states: Array,
+        inputs: Array,
+        normals: Array,
+        path_clearance: float | Array = math.inf,
+    ) -> Array:
+        """Distances that stages 1 to N must keep beyond the radii.
+
+        Parameters
+        ----------
+        felt : FeltNoise
+            The noise, as past innovations inflate it.
+        lin : Linearization
+            Of the model at `states[:-1]` and `inputs`.
+        states, inputs : ndarray
+            The plan: (N + 1, 3) and (N, 2).
+        normals : ndarray
+            Unit vectors away from the obstacles, (N, S, 2); of a robot with a footprint (N, S, 3):
+            slopes of its clearances by x, y and heading.
+        path_clearance : float or ndarray
+            What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
+            (N, 1): headway is no more than that, or the robot would not drive through narrow
+            passages.
+
+        Returns
+        -------
+        ndarray
+            (N, S) [m].
+        """
+        kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
+        return tube.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
+
+    def of_motions(self, felt: FeltNoise, distances: Array, turns: Array) -> Array:
+        """Margins (..., T) at the end of each period [m].
+
+        Parameters
+        ----------
+        felt : FeltNoise
+            The noise, as past innovations inflate it.
+        distances, turns : ndarray
+            What is driven [m] and turned [rad] in each period, (..., T).
+        """
+        noise = self.noise
+        if not felt.command_errs:
+            return np.full(distances.shape, self._solver_margin)
+        errors = self._kernels.stop_errors(
+            distances,
+            turns,
+            noise.dt,
+            felt.position_errors,
+            felt.heading_errors,
+            noise.step_quantile,
+            noise.quantile,
+            self._reach,
+        )
+        errors += self._solver_margin
+        return errors
+
+    def of_commands(self, felt: FeltNoise, commands: Array, slopes: Array) -> Array:
+        """Errors (C, ...) of single commands (C, 2) towards things [m].
+
+        Parameters
+        ----------
+        felt : FeltNoise
+            The noise, as past innovations inflate it.
+        commands : ndarray
+            (C, 2) [m/s, rad/s].
+        slopes : ndarray
+            (..., 3) by how much clearances grow with the pose, in the robot's frame.
+        """
+        commands = speeds(commands)
+        noise = ((commands * commands) @ felt.command).reshape(-1, STATES, STATES)
+        variance = np.einsum("...i,cij,...j->c...", slopes, noise, slopes)
+        out: Array = self.noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
+        return out
+
+    def most_of_commands(self, felt: FeltNoise, commands: Array) -> Array:
+        """Errors (C,) of single commands (C, 2) in any direction, at the most [m]."""
+        if not felt.command_errs:
+            return np.zeros(len(commands))
+        squares = speeds(commands) ** 2
+        errors = np.sqrt(squares @ felt.position_errors[:2])
+        if self._reach:
+            errors += self._reach * np.sqrt(squares @ felt.heading_errors[:2])
+        out: Array = self.noise.step_quantile * errors
+        return out
+
+    def straight(self, speed: float) -> tuple[float, float]:
+        """Margins ahead and aside [m] of the last stage of a straight drive, without headway.
+
+        Parameters
+        ----------
+        speed : float
+            [m/s], held for long before.
+        """
+        model, stages = self._model, self._horizon
+        command = np.zeros(model.inputs)
+        command[0] = speed
+        inputs = np.tile(command, (stages, 1))
+        states = np.zeros((stages + 1, 3))
+        states[:, 0] = speed * model.dt * np.arange(stages + 1)
+        past = np.tile(command, (stages, model.history, 1))
+        lin = model.linearize(states[:-1], inputs, past)
+        normals = np.tile(np.eye(2, self._directions), (stages, 1, 1))
+        found = self.of_plan(self.calm, lin, states, inputs, normals, path_clearance=0.0)
+        return float(found[-1, 0]), float(found[-1, 1])
