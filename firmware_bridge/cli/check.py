@@ -63,8 +63,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenario",
         metavar="NAME",
-        help="control.scenario: tell whether the robot stands in none of its obstacles, and what a "
-        "lidar sees fits its map",
+        help="control.scenario: check that the robot stands clear of its obstacles, and that the "
+        "lidar agrees with its map",
     )
     parser.add_argument(
         "--seconds",
@@ -248,7 +248,7 @@ def _prearm(driver: Driver) -> tuple[str, ...]:
 
 
 COMMAND = Command(
-    text="Say what answers, and what is missing before it can drive. Nothing moves.",
+    text="Report what answers, and what is missing before the robot can drive. It does not move.",
     examples=(
         "kmpc check robot.toml",
         "kmpc check robot.toml --model robot.npz",

@@ -26,8 +26,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "robot",
         nargs="?",
-        help="robot file: the bridge at its safety.socket; where not given, every bridge of yours "
-        "and of the service",
+        help="robot file whose safety.socket names the bridge (default: every bridge of "
+        "yours and "
+        "of the service)",
     )
     what = parser.add_mutually_exclusive_group()
     for option, word, text in (
@@ -38,7 +39,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             "confirm",
             "after a restart of the autopilot: confirm that the map shows the robot where it is",
         ),
-        ("--status", "status", "say what the gate is doing"),
+        ("--status", "status", "print the state of the safety gate"),
     ):
         what.add_argument(option, dest="word", action="store_const", const=word, help=text)
     parser.add_argument(

@@ -74,7 +74,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         help="the robot's link (default: the only serial port that is plugged in, else an example)",
     )
-    add("--force", action="store_true", help="write over a file that is there")
+    add("--force", action="store_true", help="overwrite an existing file")
 
 
 def run(options: argparse.Namespace) -> int:

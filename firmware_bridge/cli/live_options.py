@@ -22,8 +22,8 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--live",
         action="store_true",
-        help="serve a page with map, numbers and STOP to browsers of this computer; its link is\n"
-        "printed",
+        help="serve a page with map, numbers and STOP to browsers of this computer; prints its "
+        "link",
     )
     add(
         "--live-port",

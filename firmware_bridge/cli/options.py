@@ -137,7 +137,7 @@ def add_loop_options(add: Callable[..., object]) -> None:
         "--period",
         type=float,
         metavar="S",
-        help="control.period: of the controller [s]; the model's where not given",
+        help="control.period: of the controller [s]; default: the model's",
     )
     add(
         "--latency",
@@ -149,7 +149,7 @@ def add_loop_options(add: Callable[..., object]) -> None:
     add(
         "--realtime",
         action="store_true",
-        help="ask for real-time priority, and say what was not permitted",
+        help="ask for real-time priority, and report what was refused",
     )
 
 
@@ -158,7 +158,7 @@ def add_course_options(add: Callable[..., object]) -> None:
     add(
         "--model",
         metavar="FILE",
-        help="learned model (kmpc fit); the nominal unicycle where not given",
+        help="learned model (kmpc fit); default: the nominal unicycle",
     )
     add(
         "--trust-model",

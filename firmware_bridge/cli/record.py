@@ -42,7 +42,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     how.add_argument(
         "--excite",
         action="store_true",
-        help="drive at random in the four sign scenarios, inside the geofence",
+        help="drive at random inside the geofence: ahead and back, left and right",
     )
     add(
         "--seconds",

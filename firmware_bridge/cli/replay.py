@@ -19,7 +19,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--mend",
         action="store_true",
-        help="cut off the last row of NAME.csv where a power cut tore it",
+        help="cut off the last row of NAME.csv if a power cut left it incomplete",
     )
     add(
         "--csv",

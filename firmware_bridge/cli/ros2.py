@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("robot", nargs="?", help="robot file (TOML): limits, safety, control")
     add_network_options(parser)
     add = parser.add_argument_group("topics").add_argument
-    add("--name", default="kmpc", help="of the node (default: kmpc)")
+    add("--name", default="kmpc", help="name of the node (default: kmpc)")
     add(
         "--topic",
         action="append",
@@ -50,7 +50,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--pose-from-tf",
         action="store_true",
-        help="TF alone tells the pose, of --base; no odometry topic",
+        help="read the pose of --base from TF instead of an odometry topic",
     )
     add("--base", default="base_link", help="frame of the robot with --pose-from-tf")
     add(
@@ -65,7 +65,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs=3,
         type=number,
         metavar=("X", "Y", "THETA"),
-        help="place of the scanner on the robot [m, m, rad] (default: of TF)",
+        help="pose of the scanner on the robot [m, m, rad] (default: from TF)",
     )
     add(
         "--map-age",
@@ -80,7 +80,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="VALUE",
         help="cells from this value on are occupied (default: 65); 100 for a costmap",
     )
-    add("--unknown-is-free", action="store_true", help="drive where the map knows nothing")
+    add("--unknown-is-free", action="store_true", help="drive through unknown cells of the map")
     add_limits(parser.add_argument_group("limits").add_argument)
     _add_driving(parser)
 
@@ -102,7 +102,7 @@ def _add_driving(parser: argparse.ArgumentParser) -> None:
         nargs=3,
         type=number,
         metavar=("X", "Y", "THETA"),
-        help="drive there and end, with status 1 where it does not arrive [m, m, rad]",
+        help="drive there and end, with status 1 if it does not arrive [m, m, rad]",
     )
     add(
         "--emulate",

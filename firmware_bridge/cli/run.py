@@ -39,8 +39,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--rehearse",
         action="store_true",
-        help="first drive with a model: half speed, stopped where the model predicts no better "
-        "than the nominal robot; where that was shown before, drive at full speed",
+        help="first drive with a model: at half speed, stopped if the model predicts no "
+        "better "
+        "than the nominal robot; a model that has passed drives at full speed",
     )
     add(
         "--scenario",

@@ -26,7 +26,8 @@ def _add_key(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--passphrase",
         action="store_true",
-        help="make the key of a passphrase, as ground stations do; asked for, or read from a pipe",
+        help="derive the key from a passphrase, as ground stations do; it is prompted "
+        "for, or read from a pipe",
     )
 
 
@@ -106,7 +107,7 @@ COMMAND = Command(
             errors=(BridgeError,),
         ),
         "setup": Command(
-            text="Give the autopilot a key, and see that it signs with it.",
+            text="Give the autopilot a key, and check that it signs with it.",
             examples=("kmpc signing setup robot.toml --key signing.key",),
             add_options=_add_setup,
             run=_setup,

@@ -25,13 +25,18 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
         help="distribution of the others: jazzy (default), kilted, humble",
     )
     add("--domain", type=int, default=0, metavar="N", help="ROS_DOMAIN_ID (default: 0)")
-    add("--namespace", default="/", metavar="NAME", help="of the node and its relative topics")
+    add(
+        "--namespace",
+        default="/",
+        metavar="NAME",
+        help="namespace of the node and its relative topics",
+    )
     add(
         "--stamped",
         action=argparse.BooleanOptionalAction,
         help="commands are TwistStamped (default: of kilted, where Nav2's are)",
     )
-    add("--use-sim-time", action="store_true", help="stamps are of /clock")
+    add("--use-sim-time", action="store_true", help="take the time from /clock")
 
 
 def node_options(options: argparse.Namespace, name: str, *connect: str) -> NodeOptions:

@@ -65,12 +65,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
     add(
         "--no-symmetry",
         action="store_true",
-        help="let the motion depend on where the robot stands and faces: the paper's free fit",
+        help="let the motion depend on position and heading: the paper's free fit",
     )
     add(
         "--product",
         action="store_true",
-        help="with --lags: each age has weights of its own, and v*omega acts, too",
+        help="with --lags: separate weights for each age, and a term v*omega",
     )
     add(
         "--dt",
@@ -82,7 +82,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         "--gap",
         type=float,
         metavar="S",
-        help="a longer time between rows [s] ends an episode (default: 2.5 periods)",
+        help="an episode ends if more time lies between rows [s] (default: 2.5 periods)",
     )
     add(
         "--holdout",
@@ -96,10 +96,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         type=float,
         default=1.0,
         metavar="S",
-        help="how far ahead the check looks [s] (default: 1)",
+        help="how far ahead predictions are checked [s] (default: 1)",
     )
     add("--seed", type=int, default=0, help="seed of the split (default: 0)")
-    add("-v", "--verbose", action="store_true", help="tell how the model was learned, line by line")
+    add(
+        "-v", "--verbose", action="store_true", help="print how the model was learned, line by line"
+    )
     add(
         "--vehicle",
         metavar="NAME",
@@ -285,7 +287,7 @@ def tell_margins(learned: Learned) -> str:
 
 
 COMMAND = Command(
-    text="Learn a model from a log and check it on parts of the log that it has not seen.",
+    text="Learn a model from a log, and test it on held-out parts of the log.",
     examples=(
         "kmpc fit run.csv -o robot.npz",
         "kmpc fit drives/ bag/ -o robot.npz --topics odom=/odom cmd=/cmd_vel",

@@ -78,7 +78,7 @@ def describe(found: Findings) -> str:
 
 
 COMMAND = Command(
-    text="Show what is in a log, and what is suspect in it, before anything is learned from it.",
+    text="Show what a log holds and what is suspect in it, before you learn from it.",
     examples=(
         "kmpc inspect run.csv",
         "kmpc inspect rosbag2_2026_03_01/ --topics odom=/odom cmd=/cmd_vel --plot run.svg",

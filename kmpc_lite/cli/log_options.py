@@ -37,7 +37,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="OURS=THEIRS",
-        help="topics of bags and messages of autopilots: odom=/odom cmd=/cmd_vel",
+        help="topics of a bag, or messages of an autopilot: odom=/odom cmd=/cmd_vel",
     )
     add(
         "--units",
@@ -68,21 +68,21 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "--wheelbase",
         type=positive,
         metavar="M",
-        help="distance between a car's axles, if its log has steering angles; found if not given",
+        help="distance between a car's axles, if the commands are steering angles (default: found)",
     )
     add(
         "--shift",
         type=float,
         default=0.0,
         metavar="S",
-        help="move the commands in time, where their clock is another [s]",
+        help="shift the commands in time if their clock differs [s]",
     )
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
     """Add the word that learns from a suspect log."""
     parser.add_argument(
-        "--force", action="store_true", help="learn from the logs even if something is suspect"
+        "--force", action="store_true", help="learn even if something in the logs is suspect"
     )
 
 

@@ -55,8 +55,8 @@ def add_clearance(add: Callable[..., object]) -> None:
         dest="margin",
         type=number,
         metavar="M",
-        help="distance to keep from obstacles beyond the radii [m]; more is kept for what the "
-        "model\ndoes not know",
+        help="distance to keep from obstacles beyond the radii [m]; the model's "
+        "uncertainty adds to it",
     )
 
 

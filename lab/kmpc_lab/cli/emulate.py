@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--link",
         metavar="URL",
-        help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; the robot file's where not given",
+        help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT (default: the robot file's)",
     )
     add("--scenario", metavar="NAME", help="scenario whose start and floor are used")
     add(
@@ -70,7 +70,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="emulate a lidar, too, which sees the scenario's obstacles: the robot file's, or\n"
         f"{', '.join(LIDARS)} (the rover's own sensors)",
     )
-    add("--lidar-link", metavar="URL", help="where it is served; the robot file's where not given")
+    add("--lidar-link", metavar="URL", help="where it is served (default: the robot file's)")
     add("--pose", metavar="URL", help="emulate motion capture, too: send poses to udp:HOST:PORT")
     add(
         "--arm-after",

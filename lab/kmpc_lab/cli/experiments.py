@@ -48,7 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="number of the robot; each needs its own --folder (default: 0, the even one)",
+        help="number of the robot; each needs its own --folder (default: 0, the symmetric one)",
     )
     add(
         "--only",

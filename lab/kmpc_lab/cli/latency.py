@@ -85,21 +85,22 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=count,
         metavar="N",
         help="instead: drive with N browsers that watch a live page, one of which reads nothing,\n"
-        "and without them, in turns of 2 s; tells the times of both and their ratio",
+        "and without them, in turns of 2 s; prints the times of both and their ratio",
     )
     add(
         "--busy",
         type=count,
-        metavar="DRIVES",
-        help="instead: drive through a door so often on a computer that does nothing else, with\n"
-        "every core and the disk busy, and so with real-time priority; tells what that costs",
+        metavar="N",
+        help="instead: drive through a door N times each on an idle computer, on a busy "
+        "one, "
+        "and on a busy one with real-time priority",
     )
     add(
         "--stops",
         type=count,
         metavar="N",
         help="instead: press STOP N times on the live page of an emulated rover that\n"
-        "drives; tells how long that takes",
+        "drives, and print how long that takes",
     )
 
 

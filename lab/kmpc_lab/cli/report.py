@@ -26,8 +26,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "file",
         type=Path,
         metavar="run",
-        help="recorded drive: a folder or .mcap of --record; or a run that kmpc simulate -o wrote "
-        "(.npz)",
+        help="recorded drive: a folder or .mcap that --record wrote, or an .npz that kmpc simulate "
+        "-o wrote",
     )
     add(
         "-o",

@@ -39,9 +39,9 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar=("X Y R", "VX VY"),
-        help="one more circle [m], which moves where a velocity is given [m/s]; repeatable",
+        help="one more circle [m], moving if a velocity is given [m/s]; repeatable",
     )
-    add("--slip", type=float, help="mean slip ratio")
+    add("--slip", type=float, help="mean slip ratio: drawn in every period; lengthens motion")
     add_clearance(add)
     add(
         "--max-acceleration",

@@ -73,8 +73,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--lidar",
         type=positive,
         metavar="M",
-        help="tell the controller no obstacles: it sees with a lidar of this reach [m]; a [lidar]\n"
-        "of the scenario is that, too, and says what else it is like",
+        help="give the controller the scans of a lidar with this reach [m] instead of the "
+        "obstacles; [lidar] of a scenario does the same",
     )
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")

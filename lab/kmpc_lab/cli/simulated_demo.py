@@ -29,8 +29,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--log",
         type=Path,
         metavar="FILE",
-        help="log to learn from (t,x,y,theta,v,omega); "
-        "a simulated drive is recorded where not given",
+        help="log of your robot, which is learned from and driven on a map for its speed\n"
+        "(default: a drive is recorded)",
     )
     add(
         "-o",

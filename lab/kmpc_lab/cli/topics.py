@@ -29,7 +29,7 @@ def add_topic_options(parser: argparse.ArgumentParser) -> None:
         "--sees",
         action="append",
         choices=("map", "scan", "nothing"),
-        help="ros2: which topics tell of obstacles (default: map and scan); more than once",
+        help="ros2: topics that show obstacles (default: map and scan); repeatable",
     )
 
 

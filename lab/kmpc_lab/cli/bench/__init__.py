@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from kmpc_lab.cli.bench.jobs import AGAINST, COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
+from kmpc_lab.cli.bench.jobs import AGAINST, BESIDE, COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
 from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
@@ -36,6 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     for option, job in JOBS.items():
         what.add_argument(option, dest="job", action="store_const", const=option, help=job.text)
     what.add_argument("--against", metavar="COMMIT", help=AGAINST.text)
+    what.add_argument("--beside", nargs="+", type=Path, metavar="FILE", help=BESIDE.text)
     what.add_argument("--loop", type=positive, metavar="HZ", help=LOOP.text)
     add(
         "--seconds",
@@ -57,6 +58,8 @@ def run(options: argparse.Namespace) -> int:
     name, job = options.job, JOBS.get(options.job, COMPARISON)
     if options.loop:
         name, job = "--loop", LOOP
+    elif options.beside:
+        name, job = "--beside", BESIDE
     elif options.against:
         name, job = "--against", AGAINST
     who = " ".join(filter(None, ("kmpc bench", name)))
@@ -69,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 COMMAND = Command(
-    text="Time a step on this machine, beside whichever peers are installed, on the same states.",
+    text="Time a step on this machine, beside the peers that are installed, on the same states.",
     examples=(
         "kmpc bench",
         "kmpc bench --drives 40 --picture bench.png",
@@ -77,6 +80,8 @@ COMMAND = Command(
         "kmpc bench --lidar --drives 12",
         "kmpc bench --against v0.2.0 --drives 6",
         "kmpc bench --solvers",
+        "kmpc bench --json > pi5.json           # on each board; then, anywhere:",
+        "kmpc bench --beside pi5.json pc.json",
         "kmpc bench --loop 100 --seconds 600",
         "kmpc bench --quality",
         "kmpc bench --fit",

@@ -35,6 +35,7 @@ class Job:
 def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     """Step times of all contenders, on the same states."""
     from kmpc_lab import bench
+    from kmpc_lab.bench.boards import this_machine
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.measure import import_times
     from kmpc_lab.studies.contenders import (
@@ -78,6 +79,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
         own = [row for _, table in tables[1:] for row in table[:1]]
         write_bench_picture(options.picture, [*tables[0][1], *own])
     told = {
+        "machine": this_machine(),
         "tables": {title: [row.as_dict() for row in table] for title, table in tables},
         "left_out": left_out,
         "import_s": imports,
@@ -86,6 +88,14 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     lines += [f"left out: {name}: {reason}" for name, reason in left_out.items()]
     seconds = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in imports.items())
     return told, "\n".join([*lines, f"import: {seconds}"])
+
+
+def _beside(options: argparse.Namespace) -> tuple[Any, str]:
+    """Boards side by side, from files."""
+    from kmpc_lab.bench.boards import format_boards, read_board
+
+    boards = [read_board(file) for file in options.beside]
+    return [board._asdict() for board in boards], format_boards(boards)
 
 
 def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
@@ -252,6 +262,7 @@ LOOP = Job(
     ("--tuning", "--seconds", "--no-load", "--budget"),
     "run the control loop at this rate with the other cores busy",
 )
+BESIDE = Job(_beside, (), "show boards side by side: files that kmpc bench --json wrote on each")
 AGAINST = Job(
     _against,
     RECORDED,

@@ -44,12 +44,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=list(DRIVERS),
         help="ours, dwa, pursuit (default: all)",
     )
-    add("--moving", action="store_true", help="cylinders that move, in the manner of DynaBARN")
+    add("--moving", action="store_true", help="cylinders that move, like DynaBARN's")
     add(
         "--barn",
         type=Path,
         metavar="DIR",
-        help="world_N.world of the public set instead, with path_N.npy where they are",
+        help="folder of the public set's worlds (world_N.world, and path_N.npy if there), "
+        "used instead",
     )
     add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
 

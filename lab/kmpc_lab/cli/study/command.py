@@ -68,15 +68,15 @@ def _add_work(parser: argparse.ArgumentParser) -> None:
     add(
         "--cluster",
         metavar="ADDRESS",
-        help="Dask scheduler that does the work instead: tcp://HOST:8786 (extra cluster)",
+        help="Dask scheduler that runs the drives: tcp://HOST:8786 (extra cluster)",
     )
     add(
         "--records",
         type=Path,
         metavar="FILE",
-        help="where each result is added as soon as it is there (.jsonl)",
+        help="file to which each result is added at once (.jsonl)",
     )
-    add("--resume", action="store_true", help="go on from what the records file holds")
+    add("--resume", action="store_true", help="continue from the results in the records file")
 
 
 def add_slips(parser: argparse.ArgumentParser) -> None:

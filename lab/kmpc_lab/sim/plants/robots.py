@@ -17,7 +17,8 @@ class DifferentialDrive:
 
     ``x' = (v + v_t) cos + v_s sin``, ``y' = (v + v_t) sin - v_s cos``, ``theta' = omega + omega_s``
     with ``v_s = alpha v``, ``v_t = beta v``, ``omega_s = gamma omega``; alpha, beta and gamma are
-    exponential with mean `slip`, drawn anew every period and held during it.
+    exponential with mean `slip`, drawn anew every period and held during it. They are not negative:
+    slip lengthens motion (E[v_t] > 0), and with more of it a robot arrives earlier.
 
     Parameters
     ----------
