@@ -18,7 +18,9 @@ GOAL = (2.0, 0.6, np.pi / 2)
 def main():
     model = kl.nominal_unicycle(0.1)
     cart = kl.Footprint.rectangle(length=0.6, width=0.34, ahead=-0.15)
-    problem = kl.NavigationProblem(footprint=cart, x_max=(3.0, 2.0, np.inf))
+    problem = kl.NavigationProblem(
+        footprint=cart, x_min=(-1.0, -2.0, -np.inf), x_max=(3.0, 2.0, np.inf)
+    )
     controller = kl.Controller(model, problem)
     poses = [np.array([0.0, -0.8, 0.5])]
     for _ in range(250):

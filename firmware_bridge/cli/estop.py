@@ -27,8 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "robot",
         nargs="?",
         help="robot file whose safety.socket names the bridge (default: every bridge of "
-        "yours and "
-        "of the service)",
+        "yours and of the service)",
     )
     what = parser.add_mutually_exclusive_group()
     for option, word, text in (

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import kmpc_lite as kl
-from kmpc_lab.peers.paper import papers_problem
 from kmpc_lite.cli.progress import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0
@@ -38,6 +37,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.boards import this_machine
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.measure import import_times
+    from kmpc_lab.peers.paper import papers_problem
     from kmpc_lab.studies.contenders import (
         BENCH_CONTENDERS,
         BENCH_FULL_CONTENDERS,
@@ -126,6 +126,7 @@ def _against(options: argparse.Namespace) -> tuple[Any, str]:
 def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.quality import as_dicts, compare, format_comparison
+    from kmpc_lab.peers.paper import papers_problem
 
     model, problem = learned_model(), papers_problem()
     bar = ProgressBar("quality", quiet=options.json)
@@ -138,6 +139,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.measure import TUNING_SEED
     from kmpc_lab.bench.settings import format_settings, settings_study
+    from kmpc_lab.peers.paper import papers_problem
 
     model, problem = learned_model(), papers_problem()
     drives = _record(options, model, problem, seed=TUNING_SEED)
@@ -149,6 +151,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
 def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab import bench
     from kmpc_lab.bench.drives import learned_model
+    from kmpc_lab.peers.paper import papers_problem
     from kmpc_lab.studies.contenders import solver_contenders
 
     model, problem = learned_model(), papers_problem()
@@ -168,6 +171,7 @@ def _fit(options: argparse.Namespace) -> tuple[Any, str]:
 def _loop(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.loop import run_loop
+    from kmpc_lab.peers.paper import papers_problem
 
     result = run_loop(
         learned_model(),
