@@ -56,7 +56,7 @@ def see_through(
     Parameters
     ----------
     state : ndarray
-        (H, W) -1: unknown; 0: free; n: occupied until n more scans have passed. Changed.
+        (H, W) below 0: unknown; 0: free; n: occupied until n more scans have passed. Changed.
     seen : ndarray
         (H, W) when each was seen last; changed.
     extent : ndarray
@@ -92,7 +92,7 @@ def see_through(
     x = cell * (first_column + 0.5 + np.arange(left, right))
     y = cell * (first_row + 0.5 + np.arange(top, bottom))
     passed = _passed(x[None], y[:, None], origin, turn, squares)
-    part -= np.sign(part) * passed
+    np.copyto(part, np.maximum(part - 1, 0), where=passed)
     np.maximum(times, passed * np.float32(clock), out=times)
 
 

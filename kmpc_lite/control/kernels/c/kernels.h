@@ -199,7 +199,7 @@ struct kmpc_cells {
     int height, width;
     int column, row;    /* of the first cell, in the world */
     real cell, clock;   /* side, and now */
-    signed char *state; /* (height, width) -1: unknown; 0: free; n: until n more rays have passed */
+    signed char *state; /* (height, width) < 0: unknown; 0: free; n: until n more rays have passed */
     float *seen;        /* (height, width) when last */
     float *extent;      /* (height, width, 4) box around the hits; null if nobody asks */
     float *taken;       /* (height, width) when it was hit that was free; null if nobody asks */

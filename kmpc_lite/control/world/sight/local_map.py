@@ -36,7 +36,8 @@ class LocalMap:
     row: int
     """The same of the first row."""
     state: NDArray[np.int8]
-    """(H, W) UNKNOWN; 0: seen to be free; n: occupied, until n more scans have passed through."""
+    """(H, W) UNKNOWN, and less by the scans that have looked there in vain; 0: seen to be free;
+    n: occupied, until n more scans have passed through."""
     seen: NDArray[np.float32]
     """(H, W) when it was seen last, on `clock`."""
     extent: NDArray[np.float32]
@@ -136,7 +137,7 @@ class LocalMap:
     def is_unknown(self, points: Array) -> NDArray[np.bool_]:
         """Of which of points (n, 2) nothing is known; beyond the map of none."""
         cells, inside = self.cells_of(points)
-        unknown: NDArray[np.bool_] = (self.state.ravel()[cells] == UNKNOWN) | ~inside
+        unknown: NDArray[np.bool_] = (self.state.ravel()[cells] <= UNKNOWN) | ~inside
         return unknown
 
     def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:

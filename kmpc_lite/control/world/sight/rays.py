@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels.scan_map import DIRECTIONS, NOTHING
-from kmpc_lite.control.world.scan import LaserScan, Layout, beams
+from kmpc_lite.control.world.scan import LaserScan, Layout, beams, counted
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
@@ -68,6 +68,10 @@ class Rays:
             # where nothing is known of a beam's end, something is of its direction
             directions = np.where(scan.unknown, poses[:, 2] + scan.directions, np.arctan2(y, x))
             nearest, aside = _nearest_beams(directions)
+        told = np.isnan(scan.ranges) & counted(scan.layout, scan.ignore)
+        self.vain = told.take(nearest) if told.any() else None
+        """(2048,) numbered directions from which nothing comes back, near or far; None: no beam's
+        range is NaN."""
         self.farthest = float(reach.max())
         """Longest ray."""
         # only so far does the nearest beam pass through a cell in a direction beside it

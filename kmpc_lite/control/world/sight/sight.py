@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels.clearance import COLUMNS, distances
+from kmpc_lite.control.kernels.scan_map import numbers_of
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.boxes import Boxes
@@ -35,6 +36,11 @@ does not hold the whole area."""
 FREE_DISTANCE = 20.0
 """How far from the scanner cells are noted as seen to be free [radii]; beyond, only what stood
 there before and is gone."""
+IN_VAIN = UNKNOWN - 10
+"""State of cells at which so many scans in a row have looked in vain: something is there that tells
+nothing, such as a pane of glass, and paths lead around it."""
+STARE_DISTANCE = 6.0
+"""How far from the scanner such cells are noted [radii]: what is farther is looked at again."""
 TRAIL = 64
 """How many poses of the past are kept, to tell where old beams were sent from."""
 
@@ -76,6 +82,7 @@ class Sight:
         self._kernels = kernels
         unit = unit_length(problem)
         self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit
+        self._stare = STARE_DISTANCE * unit
         self._reach, self._dt = reach, problem.dt
         self._blind = options.blind_time / scale.time
         self._radius, self._footprint = problem.body_radius, problem.footprint
@@ -133,6 +140,7 @@ class Sight:
         rays = [Rays(s, self._pose_of(here, s, pose), here.cell, self._kernels) for s in scans]
         for ray in rays:
             self._clear(here, ray)
+            self._look_in_vain(here, ray)
         if rays:
             hits = np.concatenate([ray.hits for ray in rays])
             deviations = np.concatenate([ray.deviations for ray in rays])
@@ -158,7 +166,7 @@ class Sight:
         area = slice(top, bottom), slice(left, right)
         state = here.state[area]
         low, high = self._kernels.hit_boxes(here.state, here.extent, window, here.place)
-        unknown = state == UNKNOWN
+        unknown = state <= UNKNOWN
         if self._emerging > 0.0:
             # something may come out of what is not seen now
             unknown = unknown | ((state == 0) & (here.seen[area] < here.clock - self._dt))
@@ -171,7 +179,7 @@ class Sight:
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
         """All that is known to be occupied, as solids for a path search."""
-        is_hit = here.state > 0
+        is_hit = (here.state > 0) | (here.state <= IN_VAIN)
         rows, columns = (np.flatnonzero(is_hit.any(axis=axis)) for axis in (1, 0))
         others = [] if given is None else list(given.solids)
         if not len(rows):
@@ -234,6 +242,19 @@ class Sight:
             for window in _around(near, far):
                 self._see_through(here, rays, window, only_hit=True)
 
+    def _look_in_vain(self, here: LocalMap, rays: Rays) -> None:
+        """Count the scans in a row that have looked at unknown cells nearby in vain."""
+        if rays.vain is None or rays.farthest == 0.0:
+            return  # a scanner that is dead looks nowhere
+        window = here.window(rays.origin, self._stare)
+        x, y = (axis.astype(np.float32) for axis in here.centres(window))
+        x, y = x[None] - np.float32(rays.origin[0]), y[:, None] - np.float32(rays.origin[1])
+        (cos, sin), part = rays.turn, here.state[window[0] : window[1], window[2] : window[3]]
+        numbers = numbers_of(cos * x + sin * y, cos * y - sin * x)
+        looks = rays.vain.take(numbers, mode="wrap") & (x * x + y * y < self._stare**2)
+        counts = np.where(looks, np.maximum(part - 1, IN_VAIN), UNKNOWN)
+        np.copyto(part, counts, where=(part <= UNKNOWN) & (part > IN_VAIN))
+
     def _see_through(self, here: LocalMap, rays: Rays, window: Window, only_hit: bool) -> None:
         x, y = rays.origin.tolist()
         cells = here.state, here.seen, here.extent, window, here.place
@@ -252,7 +273,7 @@ class Sight:
         distance = self._distance(here, window, pose)
         area = slice(*window[:2]), slice(*window[2:])
         state, under = here.state[area], distance <= reach
-        state[under & (state == UNKNOWN)] = 0
+        state[under & (state <= UNKNOWN)] = 0
         state[distance <= self._core - here.cell] = 0
         here.seen[area][under] = here.clock
 

@@ -97,7 +97,7 @@ class View:
 
     def unknown_cells(self) -> tuple[Array, Array, float]:
         """Cells (H, W) of which nothing is known, where the first begins (2,), and their side."""
-        return self._map.state == UNKNOWN, self._map.corner, self._map.cell
+        return self._map.state <= UNKNOWN, self._map.corner, self._map.cell
 
     def blocks(self, points: Array, distance: float) -> bool:
         """Whether something that was hit is nearer than a distance to any of points (n, 2)."""

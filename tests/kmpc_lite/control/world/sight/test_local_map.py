@@ -33,7 +33,7 @@ def scan(ranges: Array, **options: float) -> kl.LaserScan:
 def state_at(seen: LocalMap, x: float, y: float) -> int:
     cells, inside = seen.cells_of(np.array([[x, y]]))
     assert inside.all()
-    return int(seen.state.ravel()[cells[0]])
+    return max(int(seen.state.ravel()[cells[0]]), UNKNOWN)
 
 
 def look(s: Sight, seen: LocalMap | None, ranges: Array, pose: Array | None = None) -> LocalMap:
@@ -212,3 +212,29 @@ def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: b
         passed = cell * (np.stack([column, row], axis=1) + np.array([-79.5, -59.5]))
         assert len(passed)
         assert ((passed > rays.low) & (passed < rays.high)).all()
+
+
+GLASS = np.where(np.abs(np.arange(BEAMS) - BEAMS // 2) < BEAMS // 20, np.nan, np.inf)
+
+
+@pytest.mark.parametrize("scans", [9, 11])
+def test_paths_lead_around_what_ten_scans_in_a_row_have_looked_at_in_vain(scans: int) -> None:
+    s, seen = sight(), None
+    for _ in range(scans):
+        seen = look(s, seen, GLASS)
+    found = s.solids(seen, None)
+    assert (found is not None) == (scans > 10)
+    # a stop is short of it as of all that is unknown, and what is seen is free
+    assert seen.is_unknown(np.array([[0.5, 0.0]])).all()
+    seen = look(s, seen, np.full(BEAMS, np.inf))
+    assert s.solids(seen, None) is None
+
+
+def test_beams_that_fail_now_and_then_look_nowhere_in_vain() -> None:
+    s, seen, random = sight(), None, np.random.default_rng(3)
+    for _ in range(60):
+        behind = np.where(random.random(BEAMS) < 0.2, np.nan, ROUND)
+        seen = look(s, seen, behind)
+    found = s.solids(seen, None)
+    assert found is not None
+    assert found.rectangle_count == s.solids(look(s, None, ROUND), None).rectangle_count
