@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES
 from kmpc_lite.errors import ScenarioError, did_you_mean
 from kmpc_lite.scenario.shapes import to_toml
 from kmpc_lite.scenario.values import read_number

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions
-from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES
 from kmpc_lite.control.wheels import Wheels, read_wheels
 from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean

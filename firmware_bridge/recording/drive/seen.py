@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import real_array

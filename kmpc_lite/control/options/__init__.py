@@ -16,12 +16,8 @@ from kmpc_lite.control.options.control import (
     StopOptions,
 )
 from kmpc_lite.control.options.controller import ControllerOptions
-from kmpc_lite.control.options.goal import GoalOptions
-from kmpc_lite.control.options.guidance import GuidanceOptions
-from kmpc_lite.control.options.moving_obstacles import MovingObstacleOptions
-from kmpc_lite.control.options.obstacles import ObstacleOptions
-from kmpc_lite.control.options.sight import SightOptions
-from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.control.options.guidance import GoalOptions, GuidanceOptions, MovingObstacleOptions
+from kmpc_lite.control.options.sight import ObstacleOptions, SightOptions, TrackerOptions
 from kmpc_lite.control.options.units import fastest, unit_length
 from kmpc_lite.option_fields import lengths_from_radii
 

@@ -15,12 +15,8 @@ from kmpc_lite.control.options.control import (
     StepOptions,
     StopOptions,
 )
-from kmpc_lite.control.options.goal import GoalOptions
-from kmpc_lite.control.options.guidance import GuidanceOptions
-from kmpc_lite.control.options.moving_obstacles import MovingObstacleOptions
-from kmpc_lite.control.options.obstacles import ObstacleOptions
-from kmpc_lite.control.options.sight import SightOptions
-from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.control.options.guidance import GoalOptions, GuidanceOptions, MovingObstacleOptions
+from kmpc_lite.control.options.sight import ObstacleOptions, SightOptions, TrackerOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
 from kmpc_lite.gone_options import GONE
 from kmpc_lite.option_fields import check, group

@@ -1,11 +1,11 @@
-"""How paths around obstacles are found, timed and followed."""
+"""Options of guidance: paths, goals, and circles that move."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import angle, check, count, radii, seconds, share
+from kmpc_lite.option_fields import angle, check, count, radii, seconds, share, shares
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +45,47 @@ class GuidanceOptions:
     the guidance says that it waits [s]."""
     hurried_parts: int = count(3)
     """Most parts of a search that are done in one step while the robot has a path."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalOptions:
+    """Tolerances of the goal checker for a pose with little noise; noise widens them."""
+
+    enter_distance: float = radii(0.09)
+    """A robot that is nearer to its goal than this [radii] ..."""
+    enter_angle: float = angle(0.025)
+    """... with a smaller error of its heading than this [rad] has arrived."""
+    leave_distance: float = radii(0.1)
+    """A robot that had arrived drives again when its averaged pose is farther from the goal than
+    this [radii] ..."""
+    leave_angle: float = angle(0.05)
+    """... or when the averaged heading is wrong by more than this [rad] ..."""
+    pushed_distance: float = radii(0.05 / 0.15)
+    """... or when one single pose is farther away than this: somebody pushed it [radii] ..."""
+    pushed_angle: float = angle(0.15)
+    """... or when one single heading is wrong by more than this [rad]."""
+    averaging_time: float = seconds(0.5, zero=False)
+    """Memory of the averaged pose [s]: a robot at rest averages its noise away."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True, slots=True)
+class MovingObstacleOptions:
+    """How far moving circles are foreseen, and which slower speeds and evasive arcs are tried."""
+
+    look_ahead: float = seconds(4.0)
+    """How long circles are taken to keep their velocity [s]."""
+    clearance: float = radii(0.8)
+    """A moving circle is in the way where it comes nearer than this, beyond the problem's margin
+    [radii]: a robot that lags loses this much soon."""
+    speed_scales: tuple[float, ...] = shares(0.6, 0.3, 0.0)
+    """Shares of the speed that are tried where the full one is not clear; the first that is clear
+    is driven."""
 
     def __post_init__(self) -> None:
         check(self)

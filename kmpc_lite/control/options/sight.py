@@ -1,10 +1,49 @@
-"""Options of sight: what is remembered, and what is assumed of what is out of sight."""
+"""Options of sight: how much is looked at, what is remembered of it, and what counts as moving."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import check, clock_seconds, count, radii, seconds, share, speed
+from kmpc_lite.option_fields import (
+    check,
+    clock_seconds,
+    count,
+    probability,
+    radii,
+    seconds,
+    share,
+    speed,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleOptions:
+    """Largest obstacles, and most of them: more would take seconds, or more memory than there is.
+
+    Polygons and grids are held to them where they are made, all obstacles together in each step,
+    which stops the robot where they are too many.
+    """
+
+    circles: int = count(1500)
+    """Circles of one step."""
+    edges: int = count(2000)
+    """Edges of all polygons and walls of one step; each polygon counts as the one with the most."""
+    polygon_corners: int = count(100)
+    """Corners of one polygon."""
+    grid_cells: int = count(2**24)
+    """Cells of one grid, and of all of one step."""
+    grid_runs: int = count(50_000)
+    """Runs of occupied cells, along rows or columns as these are fewer, of one grid and of all of
+    one step: noise has many, walls have few."""
+    scan_beams: int = count(2**14)
+    """Beams of one scan."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+USUAL_OBSTACLES = ObstacleOptions()
+"""What polygons and grids are held to where nothing else is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +71,36 @@ class SightOptions:
     emerging_speed: float = speed(0.0)
     """Speed at which somebody may step out of what the robot does not see now [m/s]; zero: nobody
     does."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerOptions:
+    """What is believed of sensors that see circles, and of what walks.
+
+    Times are the robot's in a controller, and by the clock in an `ObstacleTracker`, which knows of
+    no robot.
+    """
+
+    noise: float = radii(2 / 15, zero=False)
+    """Standard deviation of a seen position along each axis [radii]: 2 cm for a radius of 15 cm, as
+    of a leg that a lidar sees one side of."""
+    acceleration: float = share(2 / 3, zero=False)
+    """Standard deviation of accelerations along each axis, in the robot's fastest speeds a
+    second."""
+    false_alarm: float = probability(1e-3)
+    """Probability that a circle which keeps its velocity is taken for one that does not."""
+    coast: float = seconds(1.5)
+    """How long a track lasts unseen [s], and at most as long as it was seen."""
+    spread: float = share(3.0)
+    """Standard deviations of its velocity by which a circle that was seen to move grows, up to the
+    robot's radius: whether somebody comes or not must not block the way."""
+
+    begins: float = seconds(0.85)
+    """How long a cluster must have left the place where it was to be somebody [s]; a third of it
+    where it comes to what was seen to be free."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kmpc_lite.control.lately import newest_weight
-from kmpc_lite.control.options.goal import GoalOptions
+from kmpc_lite.control.options.guidance import GoalOptions
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array

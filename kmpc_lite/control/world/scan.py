@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from kmpc_lite.control.convex import FARTHEST
 from kmpc_lite.control.input_checks import POSITION_LIMIT
 from kmpc_lite.control.kernels import NUMPY, Kernels
-from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
 from kmpc_lite.types import Array

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.convex import convex_outline
-from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 
 

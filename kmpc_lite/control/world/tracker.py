@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.control.options.sight import TrackerOptions
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.tracks import Follower, Tracks

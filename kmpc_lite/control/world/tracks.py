@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import tracks as rows_of
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
-from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.control.options.sight import TrackerOptions
 from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
