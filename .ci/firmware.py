@@ -105,6 +105,19 @@ def on_pc(source: Path, name: str) -> None:
         print(f"{name:36} {run(*emulator, built / 'vectors').strip()}")
 
 
+def checked(source: Path) -> None:
+    """Have cppcheck read all C that is ours."""
+    if lacking := missing("cppcheck"):
+        print(f"{'cppcheck':36} skipped: {lacking} missing")
+        return
+    files = sorted([*(source / "src").glob("*.c"), *BARE_METAL.glob("*.c")])
+    kinds = "--enable=warning,performance,portability"
+    ask = ["cppcheck", "--quiet", "--std=c99", kinds, "--error-exitcode=1"]
+    around = f"--suppress=*:{source / 'src' / 'osqp'}/*"
+    run(*ask, around, "-I", source / "src", "-I", BARE_METAL, *files)
+    print(f"{'cppcheck':36} silent about {len(files)} files")
+
+
 def on_board(source: Path, cpu: str, work: Path, what: str) -> dict[str, tuple[float, ...]]:
     """Build the robot and the measurement for a board of QEMU: what they take."""
     build = work / f"{source.name}-{cpu}"
@@ -161,6 +174,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         double = exported(work / "double", learned(), 10, False)
+        checked(double)
         for name in ON_PC:
             on_pc(double, name)
         if lacking := missing(ARM):

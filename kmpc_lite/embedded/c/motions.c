@@ -379,7 +379,7 @@ static int braking_length(const real *first, int count)
 static int is_far(const real *here, const real *past, const real *first, const real *ramp,
                   int length, const struct around *around)
 {
-    real driven = 0, turned = 0, margin, distance[KMPC_AROUND];
+    real driven = 0, turned = 0, margin = 0, distance[KMPC_AROUND];
     const real now = 0, time = K.dt * (real)(length + 1 + KMPC_L);
     for (int k = KMPC_PAST - KMPC_L; k < KMPC_PAST; k++) {
         driven += M(fabs)(past[2 * k]);
