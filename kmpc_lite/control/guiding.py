@@ -28,7 +28,7 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
     from kmpc_lite.control.path.planner import Planner
-    from kmpc_lite.control.path.reference import Guidance
+    from kmpc_lite.control.path.situation import Guidance
     from kmpc_lite.scale import Scale
 
 

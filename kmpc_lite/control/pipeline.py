@@ -39,7 +39,7 @@ from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
-    from kmpc_lite.control.path.reference import Guidance
+    from kmpc_lite.control.path.situation import Guidance
 
 REACH_BEYOND_PLAN = 2.0
 """Solids are looked at as far as the fastest plan reaches and this much farther [radii]: for

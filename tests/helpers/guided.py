@@ -13,8 +13,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.path.capabilities import Capabilities, capabilities
 from kmpc_lite.control.path.guide import Guide
-from kmpc_lite.control.path.reference import Guidance
-from kmpc_lite.control.path.situation import GuideTask
+from kmpc_lite.control.path.situation import Guidance, GuideTask
 from kmpc_lite.control.path.state import GuideState
 
 

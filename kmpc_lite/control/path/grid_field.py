@@ -57,20 +57,11 @@ class GridField:
         found: NDArray[np.intp] = np.clip(np.ceil(beyond), 0, most).astype(np.intp)[::-1]
         return found
 
-    def distances(self, places: Array, axes: list[Array]) -> Array:
-        """Distance (n,) of places (n, 2), of all pairs on two axes, from the occupied cells [m]."""
-        grid, side = self._grid, self._side
-        if grid.origin[2]:
-            at = grid.to_grid(places).T[::-1] / side - 0.5 + self._border[:, None]
-            found: Array = ndimage.map_coordinates(self._distance, at, order=1, mode="nearest")
-            return found
-        # along the field's axes: first between its rows, then between its columns
-        columns, rows = (
-            (axis - begin) / side - 0.5 + border
-            for axis, begin, border in zip(axes, grid.origin[:2], self._border[::-1], strict=True)
-        )
-        between = _between(_between(self._distance, rows).T, columns)
-        return between.ravel()
+    def distances(self, places: Array) -> Array:
+        """Distance (n,) of places (n, 2) from the occupied cells [m]."""
+        at = self._grid.to_grid(places).T[::-1] / self._side - 0.5 + self._border[:, None]
+        found: Array = ndimage.map_coordinates(self._distance, at, order=1, mode="nearest")
+        return found
 
 
 def _away(occupied: NDArray[np.bool_]) -> Array:
@@ -84,16 +75,6 @@ def _away(occupied: NDArray[np.bool_]) -> Array:
     squares = np.multiply(rows, rows, dtype=float)
     squares += np.multiply(columns, columns, dtype=float)
     found: Array = np.sqrt(squares, out=squares)
-    return found
-
-
-def _between(values: Array, places: Array) -> Array:
-    """Rows (n, K) of values (m, K) at places (n,) between these; the outermost beyond them."""
-    last = len(values) - 1
-    first = np.clip(places.astype(np.intp), 0, max(last - 1, 0))
-    share = np.clip(places - first, 0.0, 1.0)[:, None]
-    found: Array = (1.0 - share) * values[first]
-    found += share * values[np.minimum(first + 1, last)]
     return found
 
 

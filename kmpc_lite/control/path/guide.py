@@ -21,16 +21,18 @@ from kmpc_lite.control.options import (
 )
 from kmpc_lite.control.path.capabilities import Capabilities, follows_poses
 from kmpc_lite.control.path.field.field_planner import FieldPlanner
-from kmpc_lite.control.path.goal_checker import GoalTolerances, content_with, holds
+from kmpc_lite.control.path.goal_checker import content_with, holds
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
-from kmpc_lite.control.path.reference import (
+from kmpc_lite.control.path.replan import Replanner
+from kmpc_lite.control.path.situation import (
     Guidance,
+    GuideTask,
+    Situation,
+    Surveyor,
     told_progress,
     wait_in_sight,
 )
-from kmpc_lite.control.path.replan import Replanner
-from kmpc_lite.control.path.situation import GuideTask, Situation, Surveyor
 from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
@@ -149,7 +151,8 @@ class Guide:
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
-        tolerances = self._tolerances(state, now)
+        # a robot that does not get nearer is content with less
+        tolerances = content_with(now.capabilities.tolerances, state.progress.stalls)
         if self._by_poses:
             state.turning = False
         elif state.turning:
@@ -160,11 +163,6 @@ class Guide:
             stalled = state.progress.stalls > 0
             limit = tolerances.turn_limit if stalled else tolerances.turn_distance
             state.turning = max(now.distance, at_rest) <= limit
-
-    def _tolerances(self, state: GuideState, now: Situation) -> GoalTolerances:
-        """Of the robot, which is content with less where it does not get nearer."""
-        usual, stalls = now.capabilities.tolerances, state.progress.stalls
-        return content_with(usual, stalls)
 
     def _wait(self, state: GuideState, now: Situation, refreshed: bool, switched: bool) -> Guidance:
         """Give the reference of a robot without a path: it waits, and makes room for what moves."""
@@ -195,7 +193,8 @@ class Guide:
         """Give the reference along the path: slower, or beside it, where something moves."""
         limit = max if state.turning else min
         state.place = place = limit(state.place, path.drive_end)
-        moving, tolerances = now.moving, self._tolerances(state, now)
+        usual = now.capabilities.tolerances
+        moving, tolerances = now.moving, content_with(usual, state.progress.stalls)
         hold = holds(
             state.goal_checker,
             tolerances,
@@ -222,7 +221,7 @@ class Guide:
         if reason == NO_PROGRESS and now.view is not None:
             unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
             reason = UNSEEN if unseen else reason
-        if hold and tolerances is not now.capabilities.tolerances:
+        if hold and tolerances is not usual:
             reason = "it holds where it is: it does not get nearer to its goal"
         if now.outside:
             progress, reason = GoalProgress.UNREACHABLE, "the goal lies outside the area"

@@ -125,7 +125,7 @@ class Lattice:
         self._places = self._places.reshape(-1, 2)
         distance = np.full(len(self._places), np.inf)
         for field in self._fields:
-            np.minimum(distance, field.distances(self._places, axes), out=distance)
+            np.minimum(distance, field.distances(self._places), out=distance)
         for outlines in self.solids.outlines.walls_and_polygons():
             portion = max(PORTION // outlines.edge_count, 1)
             for begin in range(0, len(distance), portion):
@@ -198,18 +198,14 @@ class Lattice:
             np.minimum(distance[some], away, out=distance[some])
         distance = distance.ravel()
         free = (distance >= inflation).reshape(self._shape)
-        x, y = (
-            (a >= low) & (a <= high)
-            for a, low, high in zip(self._axes, area[:2], area[2:], strict=True)
-        )
-        free &= x[:, None] & y
+        inside = (self._places >= area[:2]) & (self._places <= area[2:])
+        free &= inside.all(axis=1).reshape(self._shape)
         # a robot may stand nearer to an obstacle than a path leads: from there outwards
         for point in (start, goal):
-            x, y = (a - p for a, p in zip(self._axes, point[:2], strict=True))
+            x, y = self._axes[0] - point[0], self._axes[1] - point[1]
             reach = 2.0 * inflation
-            rows, columns = (
-                slice(*np.searchsorted(a, (-reach, reach + self.step))) for a in (x, y)
-            )
+            rows = slice(*np.searchsorted(x, (-reach, reach + self.step)))
+            columns = slice(*np.searchsorted(y, (-reach, reach + self.step)))
             some = rows, columns
             near = np.hypot(x[rows, None], y[columns]) <= reach
             allowed = min(float(distance[self._node(point)]) - self.step, inflation)
@@ -221,20 +217,15 @@ class Lattice:
 
     def distances(self, points: Array) -> Array:
         """Distance (...) of points (..., 2) from the solids, between the lattice's nodes [m]."""
-        (x, i), (y, j) = (self._between(points[..., axis], axis) for axis in (0, 1))
-        width, field = self._shape[1], self._distance.ravel()
-        at = i * width + j
-        low, high = (
-            (1 - y) * field.take(row) + y * field.take(row + 1) for row in (at, at + width)
-        )
+        (height, width), field = self._shape, self._distance.ravel()
+        place = (points - self._low) / self.step
+        near = np.minimum(np.maximum(place.astype(np.intp), 0), (height - 2, width - 2))
+        x, y = (place - near)[..., 0], (place - near)[..., 1]
+        at = near[..., 0] * width + near[..., 1]
+        low = (1 - y) * field.take(at) + y * field.take(at + 1)
+        high = (1 - y) * field.take(at + width) + y * field.take(at + width + 1)
         found: Array = (1 - x) * low + x * high
         return found
-
-    def _between(self, places: Array, axis: int) -> tuple[Array, NDArray[np.intp]]:
-        """Where places (...) along an axis lie between two nodes, and the number of the first."""
-        place = (places - self._low[axis]) / self.step
-        near = np.minimum(np.maximum(place.astype(np.intp), 0), self._shape[axis] - 2)
-        return place - near, near
 
     def lines_free(self, first: Array, last: Array, inflation: float) -> Array:
         """Which lines (T,) from (T, 2) to (T, 2) keep a distance [m].
@@ -280,13 +271,11 @@ def linked(free: NDArray[np.bool_], cost: Array, step: float) -> csr_matrix:
         here = free[: height - dx, left:right]
         links[: height - dx, left:right, i] = here & free[dx:, left + dy : right + dy]
     begins = np.zeros(free.size + 1, dtype=np.int32)
-    counts = sum(links[..., i].astype(np.int32) for i in range(len(NEIGHBOURS)))
-    np.cumsum(counts, out=begins[1:])
+    np.cumsum(links.sum(axis=2, dtype=np.int32), out=begins[1:])
     linked = np.flatnonzero(links)
     tail = linked // len(NEIGHBOURS)
     kind = linked - len(NEIGHBOURS) * tail
-    ahead = np.array([dx * width + dy for dx, dy in NEIGHBOURS])
-    length = np.array([step * np.hypot(dx, dy) for dx, dy in NEIGHBOURS])
-    head = (tail + ahead.take(kind)).astype(np.int32)
-    lengths = length.take(kind) * cost.take(tail)
+    down, right = np.array(NEIGHBOURS).T
+    head = (tail + (down * width + right).take(kind)).astype(np.int32)
+    lengths = (step * np.hypot(down, right)).take(kind) * cost.take(tail)
     return csr_matrix((lengths, head, begins), (free.size, free.size))

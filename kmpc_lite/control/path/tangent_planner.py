@@ -34,15 +34,16 @@ from kmpc_lite.control.path.price import (
     same_side,
     switching_time,
 )
-from kmpc_lite.control.path.search_obstacles import (
+from kmpc_lite.control.path.surroundings import (
     Obstacles,
     all_clearances,
     gather,
+    led_out,
+    way_out,
 )
 from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.path.tangent_search import tangent_paths
 from kmpc_lite.control.path.timed_path import poses_along
-from kmpc_lite.control.path.way_out import led_out, way_out
 from kmpc_lite.control.problem import NavigationProblem
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from guided import GuideInUse
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.progress import ProgressState
-from kmpc_lite.control.path.reference import Guidance
+from kmpc_lite.control.path.situation import Guidance
 from kmpc_lite.control.plan import GoalProgress
 from kmpc_lite.control.world.solids import Solids
 
