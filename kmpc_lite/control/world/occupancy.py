@@ -136,7 +136,7 @@ class OccupancyGrid:
         ProblemError
             Names the file, and what is wrong with it.
         """
-        from kmpc_lite.control.world.map_server import read_map
+        from kmpc_lite.map_server import read_map
 
         cells, resolution, origin = read_map(Path(path), limits.grid_cells)
         return cls(cells, resolution, origin, unknown_is_free=unknown_is_free, limits=limits)

@@ -68,10 +68,12 @@ class Rays:
             # where nothing is known of a beam's end, something is of its direction
             directions = np.where(scan.unknown, poses[:, 2] + scan.directions, np.arctan2(y, x))
             nearest, aside = _nearest_beams(directions)
-        told = np.isnan(scan.ranges) & counted(scan.layout, scan.ignore)
-        self.vain = told.take(nearest) if told.any() else None
-        """(2048,) numbered directions from which nothing comes back, near or far; None: no beam's
-        range is NaN."""
+        failed = np.isnan(scan.ranges) & counted(scan.layout, scan.ignore)
+        # beams that fail by chance fail alone
+        some = (failed[1:-1] & failed[:-2] & failed[2:]).any()
+        self.vain = failed.take(nearest) if some else None
+        """(2048,) numbered directions in which beams measure nothing, near or far; None: no three
+        neighbours fail."""
         self.farthest = float(reach.max())
         """Longest ray."""
         # only so far does the nearest beam pass through a cell in a direction beside it
