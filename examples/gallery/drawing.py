@@ -51,5 +51,5 @@ def draw(name, problem, drives, obstacles, goals, notes=""):
     axes.autoscale_view()
     file = Path("out") / "gallery" / f"{name}.png"
     file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file)
+    figure.savefig(file, bbox_inches="tight")
     print(f"wrote {file}")

@@ -282,8 +282,8 @@ def tell_margins(learned: Learned) -> str:
     problem = kl.NavigationProblem(dt=model.dt)
     ahead, aside = Margins(model, problem).straight(speed)
     robot = f"at {speed:.2g} m/s a robot of {100 * problem.robot_radius:.0f} cm radius"
-    told = f"{100 * aside:.0f} cm from what it passes, {100 * ahead:.0f} cm from what lies ahead"
-    return f"{how}; {robot} keeps {told}"
+    kept = f"{100 * aside:.0f} cm beside obstacles and {100 * ahead:.0f} cm before them"
+    return f"{how}; {robot} keeps {kept}"
 
 
 COMMAND = Command(

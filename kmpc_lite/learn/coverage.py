@@ -112,7 +112,7 @@ def _warning(part: Part, tightest: float) -> str:
             f"the log never turns on the spot{tight}: whether this robot can is not known; "
             'a car, which cannot, is driven with wheels = {kind = "car", ...}'
         )
-    return f"the log never {part.verb}: what was learned of it is a guess"
+    return f"the log never {part.verb}: the model guesses how"
 
 
 def find_coverage(

@@ -190,7 +190,7 @@ def test_fit_tells_how_much_room_the_margins_take(
         told = re.search(
             r"^margins: calibrated on \d+ held-out windows; "
             r"at 0\.\d+ m/s a robot of 15 cm radius keeps "
-            r"(\d+) cm from what it passes, \d+ cm from what lies ahead$",
+            r"(\d+) cm beside obstacles and \d+ cm before them$",
             capsys.readouterr().out,
             re.M,
         )
