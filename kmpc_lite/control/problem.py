@@ -11,8 +11,11 @@ import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.problem_fields import (
+    OptionalValues,
+    Values,
     check_bounds,
     check_track,
+    given,
     positive,
     scalar,
     stages,
@@ -102,22 +105,22 @@ class NavigationProblem:
 
     horizon: int = 20
     dt: float = 0.1
-    Q: Any = None
-    R: Any = None
-    Q_terminal: Any = None
-    u_min: Any = (-0.6, -np.pi / 4)
-    u_max: Any = (0.6, np.pi / 4)
-    x_min: Any = (-np.inf, -np.inf, -np.inf)
-    x_max: Any = (np.inf, np.inf, np.inf)
+    Q: OptionalValues = given(None)
+    R: OptionalValues = given(None)
+    Q_terminal: OptionalValues = given(None)
+    u_min: Values = given((-0.6, -np.pi / 4))
+    u_max: Values = given((0.6, np.pi / 4))
+    x_min: Values = given((-np.inf, -np.inf, -np.inf))
+    x_max: Values = given((np.inf, np.inf, np.inf))
     robot_radius: float = 0.15
     margin: float = 0.0
-    deceleration: Any = None
-    du_max: Any = (np.inf, np.inf)
-    slack_weights: Any = None
+    deceleration: Values = given(None)
+    du_max: Values = given((np.inf, np.inf))
+    slack_weights: Values = given(None)
     track: float = 0.0
     max_wheel_speed: float = np.inf
     sensor_range: float | None = None
-    goal_tolerance: Any = None
+    goal_tolerance: OptionalValues = given(None)
     footprint: Footprint | None = None
     wheels: Wheels = Differential()
 
@@ -152,8 +155,8 @@ class NavigationProblem:
             "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
         }
         for name, usual in follows.items():
-            given = getattr(self, name)
-            set_field(name, positive(name, usual if given is None else given, len(usual)))
+            value = getattr(self, name)
+            set_field(name, positive(name, usual if value is None else value, len(usual)))
         if self.goal_tolerance is not None:
             set_field("goal_tolerance", positive("goal_tolerance", self.goal_tolerance, 2))
 

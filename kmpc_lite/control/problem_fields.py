@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
@@ -13,6 +14,29 @@ LARGE = 1.0
 """Smaller radii are hardly centimetres that were taken for metres [m]."""
 SLOWEST = 15.0
 """A robot that takes longer to drive its radius is hardly one [s]."""
+
+
+class Values:
+    """Type of a field that takes whatever makes an array, and then is one."""
+
+    if TYPE_CHECKING:
+
+        def __get__(self, problem: object, kind: object) -> Array: ...
+        def __set__(self, problem: object, value: ArrayLike | None) -> None: ...
+
+
+class OptionalValues:
+    """Type of such a field that is None if it is not given."""
+
+    if TYPE_CHECKING:
+
+        def __get__(self, problem: object, kind: object) -> Array | None: ...
+        def __set__(self, problem: object, value: ArrayLike | None) -> None: ...
+
+
+def given(value: ArrayLike | None) -> Any:
+    """Give the default of such a field."""
+    return value
 
 
 def scalar(name: str, value: Any, above_zero: bool) -> None:

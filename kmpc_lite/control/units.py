@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kmpc_lite.control.options import fastest
 from kmpc_lite.control.problem import GOAL_Q, GOAL_R, NavigationProblem
@@ -52,7 +53,7 @@ def with_tracking_weights(
 
 
 def _filled(
-    problem: NavigationProblem, q: object, r: tuple[float, ...], terminal: object
+    problem: NavigationProblem, q: ArrayLike, r: tuple[float, ...], terminal: ArrayLike
 ) -> NavigationProblem:
     # sideways as ahead
     between = [r[0]] * (len(problem.u_min) - len(r))
