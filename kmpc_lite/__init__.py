@@ -12,7 +12,7 @@ imported when the first of them is asked for: `kmpc --help` does not wait for Nu
 import importlib
 import typing
 
-__version__ = "0.2.0"
+__version__ = "0.3.0.dev0"
 
 _IN_THE_LAB = {"DifferentialDrive", "generate_dataset"}
 _IN_THE_LAB |= {"bench", "peers", "report", "sim", "studies"}

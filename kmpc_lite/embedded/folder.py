@@ -130,7 +130,7 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
     defined = f"#define KMPC_HORIZON {sizes['KMPC_N']}\n" + "#define KMPC_FLOAT\n" * float32
     _replace(sources / "kernels.h", GUARD, f"{GUARD}\n{defined}")
     for library in (folder / "library.json", folder / "library.properties"):
-        _replace(library, "@VERSION@", __version__)
+        _replace(library, "@VERSION@", __version__.replace(".dev", "-dev"))  # SemVer
 
 
 def _replace(file: Path, old: str, new: str) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
     from kmpc_lite.scenario.files import Scenario
 
-__version__ = "0.2.0"
+__version__ = "0.3.0.dev0"
 
 __all__ = [
     "DifferentialDrive",
