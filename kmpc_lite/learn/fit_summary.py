@@ -196,8 +196,8 @@ def format_summary(facts: Mapping[str, Any]) -> str:
         f"heading: {CHOSEN[chosen['heading']]}",
         tell_response(facts),
         f"gains  speed {facts['speed_gain']:.3g}, turns {facts['turn_gain']:.3g} of the command",
-        f"slip   at {v:.2g} m/s and {omega:.2g} rad/s: {kept:+.0f} % of the speed is lost, "
-        f"{facts['side_slip']:+.2g} m sideways a metre",
+        f"slip   at {v:.2g} m/s and {omega:.2g} rad/s: {kept:+.0f} % of the speed lost, "
+        f"{facts['side_slip']:+.2g} m sideways per metre",
         f"point  the pose is tracked {1e3 * -centre[0]:+.0f} mm ahead and "
         f"{1e3 * -centre[1]:+.0f} mm left of the turning centre; "
         f"heading offset {offset:+.1f} degrees",

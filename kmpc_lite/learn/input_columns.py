@@ -62,8 +62,8 @@ def tell_inputs(dataset: Dataset, delay: float) -> str:
     if shares.alike < JUMPS:
         return f"commands (they change at once, from one value to any other; {lead})"
     return (
-        f"measured speeds, of encoders or so (they change a little at a time, and noisily; {lead}):"
-        " the motors' lag is not in them"
+        f"measured speeds, of encoders for example (noisy, and never at a jump; {lead}): "
+        "the motors' lag is not in them"
     )
 
 
