@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from operator import itemgetter
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,8 +44,7 @@ class Circles:
     """(4,) xmin, ymin, xmax, ymax that lines and arcs must not leave [m]."""
 
 
-@dataclass(slots=True)
-class Tangents:
+class Tangents(NamedTuple):
     """Common tangents of two circles each."""
 
     first: Array
@@ -62,14 +62,7 @@ class Tangents:
 
     def take(self, chosen: Array | slice) -> Tangents:
         """Some of them."""
-        return Tangents(
-            self.first[chosen],
-            self.second[chosen],
-            self.senses[chosen],
-            self.ends[chosen],
-            self.directions[chosen],
-            self.lengths[chosen],
-        )
+        return Tangents(*map(itemgetter(chosen), self))
 
 
 @lru_cache(maxsize=64)
