@@ -204,18 +204,18 @@ class Controller:
         phases, state = self._pipeline, self._state
         seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
         phases.bring_forward(state, seen, self.known)
-        refusal = self._learn(seen) or seen.refusal
-        if refusal:
+        if refusal := self._learn(seen) or seen.refusal:
             return phases.refuse(state, seen, self.known, refusal, clock)
         phases.estimate(state, seen, self.known)
         guidance = phases.guide(state, seen, self.known, clock)
         if guidance is not None and guidance.hold:
             return phases.hold(state, seen, guidance, self.known, clock)
-        result = phases.solve(state, seen, guidance, self.known, clock)
-        verified = phases.verify(state, seen, result, self.known, clock)
+        task = phases.task(state, seen, guidance, self.known, clock)
+        result = phases.solve(state, seen, guidance, task, clock)
+        verified = phases.verify(state, seen, result, task, clock)
         if verified.trajectory is None or verified.motion is None:
-            reason, passes = verified.reason, result.passes
-            return phases.fallback.stop(state, seen, self.known, reason, clock, passes)
+            why, passes = verified.reason, result.passes
+            return phases.fallback.stop(state, seen, self.known, why, clock, passes)
         return phases.command(state, seen, guidance, verified, result.passes, clock)
 
     @property

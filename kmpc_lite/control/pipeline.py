@@ -19,8 +19,7 @@ from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.lately import longest_lately
-from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.nmpc.task import SQPResult, Task
+from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
@@ -30,11 +29,12 @@ from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.standstill import StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
-from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotions
-from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.control.stop.safe_motion import SafeMotions
+from kmpc_lite.control.task import Task
 from kmpc_lite.control.verification import Verification, Verified
 from kmpc_lite.control.watching import Watching
 from kmpc_lite.control.world.scene import Scene
+from kmpc_lite.control.world.surroundings import Surroundings
 from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
@@ -151,20 +151,53 @@ class Pipeline:
         self._answers.events.path(guidance is not None and guidance.switched)
         return guidance
 
-    def solve(
+    def task(
         self,
         state: ControllerState,
         seen: Observation,
         guidance: Guidance | None,
         known: Knowledge,
         clock: StepClock,
+    ) -> Task:
+        """Say what is steered for, among what."""
+        known_range = self._problem.sensor_range
+        task = Task(
+            model=known.model,
+            past=state.history.commands,
+            last=state.history.command,
+            around=Surroundings(
+                things=seen.things,
+                nearby=seen.nearby,
+                perhaps=seen.perhaps,
+                unsure=seen.unsure,
+                swerve_time=self._options.stop.swerve_time,
+                known=math.inf if known_range is None else known_range + self._problem.body_radius,
+                emerging_speed=self._emerging_speed,
+                unknown=seen.view.unknown if seen.view and self._emerging_speed else None,
+                kernels=self._kernels,
+            ),
+            margins=known.margins,
+            felt=seen.felt,
+            reference=self._guiding.towards_goal(state, seen)
+            if guidance is None
+            else guidance.states,
+            path_clearance=math.inf if guidance is None else guidance.path_clearance,
+            curvature=state.history.curvature,
+            terminal_share=1.0 if guidance is None else guidance.share_at_goal,
+            deadline=clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE)),
+        )
+        clock.lap("guide")
+        return task
+
+    def solve(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        guidance: Guidance | None,
+        task: Task,
+        clock: StepClock,
     ) -> SQPResult:
         """Run the passes of the SQP from the last plan; along the reference if that is new."""
-        if guidance is None:
-            reference = self._guiding.towards_goal(state, seen)
-        else:
-            reference = guidance.states
-        clock.lap("guide")
         qp = self._sqp.qp
         last = None if guidance is not None and guidance.switched else state.trajectory
         guess, least = one_period_later(qp, last, seen.here), 1
@@ -172,23 +205,8 @@ class Pipeline:
             # straight to the goal may lead through obstacles, and passes end where they began
             guess = at_rest(qp, seen.here)
         elif guess is None:
-            guess, least = along(qp, reference, seen.here), 2
-        deadline = clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE))
+            guess, least = along(qp, task.reference, seen.here), 2
         clock.lap("shift")
-        task = Task(
-            model=known.model,
-            reference=reference,
-            things=seen.things,
-            past=state.history.commands,
-            last=state.history.command,
-            curvature=state.history.curvature,
-            solids=seen.nearby,
-            margins=known.margins,
-            felt=seen.felt,
-            path_clearance=math.inf if guidance is None else guidance.path_clearance,
-            terminal_share=1.0 if guidance is None else guidance.share_at_goal,
-            deadline=deadline,
-        )
         result = self._sqp.solve(guess, task, least)
         clock.add(result.timing)
         return result
@@ -198,30 +216,10 @@ class Pipeline:
         state: ControllerState,
         seen: Observation,
         result: SQPResult,
-        known: Knowledge,
+        task: Task,
         clock: StepClock,
     ) -> Verified:
         """Check that the model agrees with the plan, and that the robot can stop after it."""
-        known_range = self._problem.sensor_range
-        around = Surroundings(
-            things=seen.things,
-            nearby=seen.nearby,
-            perhaps=seen.perhaps,
-            unsure=seen.unsure,
-            swerve_time=self._options.stop.swerve_time,
-            known=math.inf if known_range is None else known_range + self._problem.body_radius,
-            emerging_speed=self._emerging_speed,
-            unknown=seen.view.unknown if seen.view and self._emerging_speed else None,
-            kernels=self._kernels,
-        )
-        task = MotionTask(
-            model=known.model,
-            past=state.history.commands,
-            last=state.history.command,
-            around=around,
-            margins=known.margins,
-            felt=seen.felt,
-        )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory
         took = clock.lap("verify") + LEAST_AFTER_SOLVE

@@ -13,14 +13,15 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
-from kmpc_lite.control.nmpc.task import SQPResult
+from kmpc_lite.control.nmpc.sqp import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import StepOptions, unit_length
 from kmpc_lite.control.plan import PlannedAround
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotions
+from kmpc_lite.control.stop.safe_motion import SafeMotions
+from kmpc_lite.control.task import Task
 from kmpc_lite.types import Array
 
 ACCEPTED_DEPTH = 2 / 15
@@ -60,7 +61,7 @@ class Verification:
         self.accepted_depth = ACCEPTED_DEPTH * unit
         self._problem, self._motions, self._rates = problem, motions, RateLimit(problem)
 
-    def check(self, result: SQPResult, seen: Observation, task: MotionTask) -> Verified:
+    def check(self, result: SQPResult, seen: Observation, task: Task) -> Verified:
         """Check whether a result may be driven; slow its first command where that makes it safe."""
         if result.status is QPStatus.FAILED:
             return Verified(None, None, result.reason)

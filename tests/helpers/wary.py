@@ -14,8 +14,9 @@ from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.margins.model_noise import FeltNoise
 from kmpc_lite.control.options import MarginOptions, StopOptions
-from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
-from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
+from kmpc_lite.control.task import Task
+from kmpc_lite.control.world.surroundings import Surroundings
 
 PROBLEM = kl.NavigationProblem()
 CIRCLES = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])
@@ -87,7 +88,7 @@ class Wary:
         none = np.zeros((self.model.history, 2))
         states = self.model.rollout(here, inputs, none)
         around = Surroundings(things_of(circles))
-        task = MotionTask(self.model, none, np.zeros(2), around, self.of, self.felt)
+        task = Task(self.model, none, np.zeros(2), around, self.of, self.felt)
         return SafeMotions(self.problem, StopOptions()).find(states, inputs, task)
 
     def speed_share(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> float:

@@ -11,8 +11,8 @@ from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.fill import Around, Iterate, PlanMargins
 from kmpc_lite.control.kernels.half_planes import KeepOut
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.task import Task
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import Array
@@ -70,8 +70,8 @@ class FillQP:
         """Write the QP at a guess (N + 1, 3) and (N, m), linearised there."""
         points = places_of(self._footprint, states[1:])
         gaps, away = self._nothing
-        if task.solids is not None:
-            gaps, away = task.solids.measure(points, self._kernels)
+        if task.around.nearby is not None:
+            gaps, away = task.around.nearby.measure(points, self._kernels)
         margins, felt = None, task.felt
         if task.margins is not None and felt is not None:
             path = task.path_clearance
@@ -85,5 +85,5 @@ class FillQP:
                 ),
             )
         plan = Iterate(states, inputs, task.reference, speeds(inputs))
-        around = Around(task.things, points, gaps, away)
+        around = Around(task.around.things, points, gaps, away)
         self._kernels.fill(self.keep_out, margins, qp.numbers, lin, plan, around)

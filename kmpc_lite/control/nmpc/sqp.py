@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import numpy as np
@@ -20,7 +20,6 @@ from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver, cho
 from kmpc_lite.control.nmpc.fill_qp import FillQP
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
-from kmpc_lite.control.nmpc.task import SQPResult, Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.options import (
     OSQPOptions,
@@ -31,6 +30,7 @@ from kmpc_lite.control.options import (
 )
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.task import Task
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.types import Array
 
@@ -56,6 +56,27 @@ plan can pass by, so that slack is used only where there is no way without. One 
 with less, which is solved sooner: the next period mends what it leaves."""
 LEAST_SHARE = 0.1
 """Least share of a step that a pass goes."""
+
+
+@dataclass(slots=True, eq=False)
+class SQPResult:
+    """How far the passes of a call have come, and where they ended."""
+
+    trajectory: Trajectory
+    """The iterate; the start before the first pass."""
+    status: QPStatus = QPStatus.FAILED
+    """Of the last QP."""
+    passes: int = 0
+    step: float = math.inf
+    """Largest change of the last pass [m, rad, m/s, rad/s]."""
+    defect: float = math.inf
+    """How far the model contradicts the trajectory over one period [m, rad]."""
+    timing: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(("linearise", "fill", "solve"), 0.0)
+    )
+    """Seconds by phase."""
+    reason: str = ""
+    """Why the passes ended early, or the QP failed; empty if all is well."""
 
 
 class SQP:

@@ -27,12 +27,10 @@ import numpy as np
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import safe_motion as kernel
-from kmpc_lite.control.margins.margins import Margins
-from kmpc_lite.control.margins.model_noise import FeltNoise
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.control.task import Task
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
@@ -45,23 +43,6 @@ to look more closely."""
 TURN_ALLOWANCE = 1 / 150
 """How much a slow turn on the spot may move a round robot towards a thing [radii]: it must always
 be able to turn free."""
-
-
-class MotionTask(NamedTuple):
-    """What a motion starts from, and what it must be clear of."""
-
-    model: MotionModel
-    """Predicts."""
-    past: Array
-    """(L, 2) commands already sent, oldest first."""
-    last: Array
-    """(2,) the command sent last."""
-    around: Surroundings
-    """What is around the robot."""
-    margins: Margins | None = None
-    """Of motions; without them every plan is accepted."""
-    felt: FeltNoise | None = None
-    """The noise, as past innovations inflate it; given with `margins`."""
 
 
 class SafeMotion(NamedTuple):
@@ -125,14 +106,14 @@ class SafeMotions:
         self._within = problem.wheels.within
         self.further = min(round(options.further_time / problem.dt), problem.horizon - 1)
 
-    def find(self, states: Array, inputs: Array, task: MotionTask) -> SafeMotion:
+    def find(self, states: Array, inputs: Array, task: Task) -> SafeMotion:
         """Find what may be driven of a plan from the present pose.
 
         Parameters
         ----------
         states, inputs : ndarray
             The plan (N + 1, 3) and (N, 2); left as they are.
-        task : MotionTask
+        task : Task
             What it must be clear of.
         """
         ramp = np.concatenate([inputs[:1], self._rates.ramp(inputs[0])])
@@ -173,7 +154,7 @@ class SafeMotions:
             commands = np.concatenate([commands, still], axis=-2)
         return model.rollout(here, commands, past)
 
-    def _is_far(self, here: Array, ramp: Array, task: MotionTask) -> bool:
+    def _is_far(self, here: Array, ramp: Array, task: Task) -> bool:
         """Whether everything is farther away than the robot can come to until it stands."""
         given = np.abs(np.concatenate([task.past, ramp]))
         driven, turned = (self._dt * speeds(given).sum(axis=0)).tolist()
@@ -186,11 +167,11 @@ class SafeMotions:
         nearest = task.around.clearance(places[None, None], np.zeros(1), places) - self._radius
         return bool(np.minimum.reduce(nearest, axis=None, initial=np.inf) > far)
 
-    def _stands_at_once(self, task: MotionTask) -> bool:
+    def _stands_at_once(self, task: Task) -> bool:
         """Whether the robot stands in the period in which it is told to."""
         return not (task.model.history or self._rates.active)
 
-    def _whole(self, inputs: Array, ramp: Array, task: MotionTask) -> Motions:
+    def _whole(self, inputs: Array, ramp: Array, task: Task) -> Motions:
         """Motions that begin with the plan's coming command."""
         if self._stands_at_once(task):
             at_once = np.zeros_like(ramp)
@@ -199,7 +180,7 @@ class SafeMotions:
         step, longest = self._rates.ramp_step, self._rates.longest_ramp
         return Motions.of(self._possible(kernel.both_brakes(inputs[:1], inputs, step, longest)))
 
-    def _others(self, inputs: Array, ramp: Array, task: MotionTask) -> Motions:
+    def _others(self, inputs: Array, ramp: Array, task: Task) -> Motions:
         """Further commands of the plan, slower commands, and what turns or brakes alone."""
         hardest = np.zeros(len(inputs[0]))
         if self._rates.active:
@@ -228,7 +209,7 @@ class SafeMotions:
         allowed[::2] = True
         return motions[np.where(allowed, np.arange(len(motions)), np.arange(len(motions)) - 1)]
 
-    def _are_clear(self, here: Array, motions: Motions, task: MotionTask) -> Array:
+    def _are_clear(self, here: Array, motions: Motions, task: Task) -> Array:
         """Which of the motions from a pose (3,) stay clear, (C,)."""
         margins, felt, around = task.margins, task.felt, task.around
         assert margins is not None and felt is not None

@@ -16,7 +16,8 @@ from kmpc_lab.studies import pedestrians
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
+from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
+from kmpc_lite.control.task import Task
 from kmpc_lite.control.world.tracking import Tracking
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scenario.world import World
@@ -130,7 +131,7 @@ def test_nobody_is_taken_to_walk_more_slowly_for_having_turned(
 ) -> None:
     speeds, plain, find = list[float](), list[float](), SafeMotions.find
 
-    def note(self: SafeMotions, states: Array, inputs: Array, task: MotionTask) -> SafeMotion:
+    def note(self: SafeMotions, states: Array, inputs: Array, task: Task) -> SafeMotion:
         speeds.append(float(task.around.turning[:, SPREAD_RATE].max(initial=0.0)))
         plain.append(float(np.hypot(*task.around.things[0, VELOCITY])))
         return find(self, states, inputs, task)

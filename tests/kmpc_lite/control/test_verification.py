@@ -12,17 +12,16 @@ from kmpc_lab.studies.any_robot import Robot, RobotPlant
 from kmpc_lab.studies.robot_drives import course_of, judge
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
-from kmpc_lite.control.nmpc.sqp import MOST_PASSES
-from kmpc_lite.control.nmpc.task import SQPResult
+from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
-from kmpc_lite.control.stop.safe_motion import MotionTask
-from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.control.task import Task
+from kmpc_lite.control.world.surroundings import Surroundings
 
 MODEL = kl.nominal_unicycle(0.1)
 
 
-def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observation, MotionTask]:
+def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observation, Task]:
     """A plan straight ahead whose states are nonsense, with what it is checked against."""
     controller, things = kl.Controller(MODEL), things_of(circles)
     inputs = np.tile([0.5, 0.0], (20, 1))
@@ -31,7 +30,7 @@ def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observa
     seen = Observation(np.zeros(3), np.array([1.0, 0.0, 0.0]), things, None, None)
     margins = controller.known.margins
     assert margins is not None
-    task = MotionTask(
+    task = Task(
         MODEL,
         np.empty((0, 2)),
         np.zeros(2),

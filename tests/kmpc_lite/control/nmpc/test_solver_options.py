@@ -12,15 +12,17 @@ import scipy.sparse as sp
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.osqp_workspace import osqp_settings
 from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
-from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest
 from kmpc_lite.control.options import OSQPOptions, SolverOptions
+from kmpc_lite.control.task import Task
 from kmpc_lite.control.units import with_goal_weights
+from kmpc_lite.control.world.surroundings import Surroundings
 
 MODEL = kl.nominal_unicycle(0.1)
 PROBLEM = with_goal_weights(kl.NavigationProblem())
 GOAL = np.tile((1.5, 1.5, 0.0), (21, 1))
-TASK = Task(MODEL, GOAL, np.empty((0, 7)), np.zeros((0, 2)), np.zeros(2))
+AROUND = Surroundings(np.empty((0, 7)))
+TASK = Task(MODEL, np.zeros((0, 2)), np.zeros(2), AROUND, reference=GOAL)
 
 
 def test_options_of_osqp_reach_it_by_its_names() -> None:

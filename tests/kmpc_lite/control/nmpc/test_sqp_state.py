@@ -15,9 +15,10 @@ from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
+from kmpc_lite.control.task import Task
 from kmpc_lite.control.units import with_goal_weights
+from kmpc_lite.control.world.surroundings import Surroundings
 
 COPIES = [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
 PROBLEM = with_goal_weights(kl.NavigationProblem())
@@ -44,10 +45,10 @@ def test_a_copied_drift_state_goes_on_as_the_one_it_was_copied_from(
 def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins) -> Trajectory:
     task = Task(
         model,
-        np.tile(GOAL, (PROBLEM.horizon + 1, 1)),
-        CIRCLES,
         np.zeros((model.history, 2)),
         np.zeros(2),
+        Surroundings(CIRCLES),
+        reference=np.tile(GOAL, (PROBLEM.horizon + 1, 1)),
         margins=margins,
         felt=margins.calm,
     )

@@ -15,9 +15,10 @@ from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import safe_motion as kernel
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import StopOptions
-from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
-from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
+from kmpc_lite.control.task import Task
 from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.control.world.surroundings import Surroundings
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -54,7 +55,7 @@ def find(
     margins = Margins(model, problem)
     if pose_error is not None:
         margins.pose_error = pose_error
-    task = MotionTask(model, past, last, around, margins, margins.calm)
+    task = Task(model, past, last, around, margins, margins.calm)
     return SafeMotions(problem, StopOptions(**options)).find(states, inputs, task)
 
 
@@ -257,7 +258,7 @@ def test_without_margins_no_plan_is_refused() -> None:
     inputs = np.tile((0.6, 0.0), (20, 1))
     states = NOMINAL.rollout(np.zeros(3), inputs)
     none = np.zeros((0, 2))
-    task = MotionTask(NOMINAL, none, np.zeros(2), Surroundings(rows((0.1, 0.0, 0.3))))
+    task = Task(NOMINAL, none, np.zeros(2), Surroundings(rows((0.1, 0.0, 0.3))))
     motion = SafeMotions(PROBLEM, StopOptions()).find(states, inputs, task)
     assert motion.inputs is inputs and motion.commands is not None
 
@@ -301,7 +302,7 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     states, none = model.rollout(np.zeros(3), inputs), np.zeros((0, 2))
     state = InnovationState()
     motions = SafeMotions(PROBLEM, StopOptions())
-    task = MotionTask(model, none, np.zeros(2), beside, margins, margins.calm)
+    task = Task(model, none, np.zeros(2), beside, margins, margins.calm)
     assert not motions.find(states, inputs, task).slowed
     for _ in range(3):
         margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
