@@ -104,11 +104,9 @@ class Pipeline:
         """Place the robot among what is around it."""
         seen.place(self.scene, state.scene)
         self._watching.look(state, seen, known)
-        innovation, period, margins = state.innovation, state.history.driven, known.margins
+        innovation, margins = state.innovation, known.margins
         if margins is not None:
-            if innovation.error is not None and period is not None:
-                errors, heading = margins.expected_errors, float(period.pose[2])
-                errors.judge(innovation, innovation.error, heading, period.command)
+            margins.expected_errors.see(innovation, state.history.driven)
             seen.felt = margins.felt(innovation)
         self._answers.events.drift(innovation.drifting)
 
@@ -201,6 +199,12 @@ class Pipeline:
         qp = self._sqp.qp
         last = None if guidance is not None and guidance.switched else state.trajectory
         guess, least = one_period_later(qp, last, seen.here), 1
+        if (
+            guess is not None
+            and guidance is not None
+            and self._guiding.parts(guess, reference, seen)
+        ):
+            guess = None
         if guess is None and guidance is None and self._sqp.iterations > 1:
             # straight to the goal may lead through obstacles, and passes end where they began
             guess = at_rest(qp, seen.here)

@@ -144,24 +144,22 @@ def with_ramps(model: KoopmanModel, dataset: Dataset, ramps: Ramps) -> KoopmanMo
 
 
 def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
-    """Give the same driving with its commands as ramps let them through: means of each period."""
+    """Give the same driving with what ramps let through of its commands by the ends of periods."""
     if not ramps.limit:
         return dataset
     episodes = []
     for episode in dataset.episodes:
-        columns = [
-            _follow(told, ramps.faster[[i]], ramps.slower[[i]], episode.dt)
-            for i, told in enumerate(episode.inputs.T)
-        ]
+        pairs = zip(episode.inputs.T, ramps.faster[:, None], ramps.slower[:, None], strict=True)
+        columns = [_follow(told, up, down, episode.dt)[1] for told, up, down in pairs]
         episodes.append(Episode(episode.states, np.concatenate(columns, axis=1), episode.dt))
     return Dataset(episodes)
 
 
-def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
-    """Mean speeds (T, C) of each period that follow commanded ones (T,) by ramps (C,)."""
+def _follow(told: Array, faster: Array, slower: Array, dt: float) -> tuple[Array, Array]:
+    """Speeds that follow commanded ones (T,) by ramps (C,): means and ends (T, C) of periods."""
     speed = np.full(len(faster), told[0])
     up, down = faster * dt / PARTS, slower * dt / PARTS
-    means = np.empty((len(told), len(faster)))
+    means, ends = np.empty((2, len(told), len(faster)))
     for k, aim in enumerate(told.tolist()):
         total = 0.5 * speed
         for _ in range(PARTS):
@@ -169,8 +167,8 @@ def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
             limit = np.where(grows & (aim * speed >= 0.0), up, down)
             speed = speed + np.minimum(np.maximum(aim - speed, -limit), limit)
             total = total + speed
-        means[k] = (total - 0.5 * speed) / PARTS
-    return means
+        means[k], ends[k] = (total - 0.5 * speed) / PARTS, speed
+    return means, ends
 
 
 def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, float]:
@@ -255,7 +253,7 @@ def _errors(
     for told, went in pieces:
         if len(told) < longest + 2 * length:
             continue
-        passed = _follow(told, faster, slower, dt)
+        passed, _ = _follow(told, faster, slower, dt)
         sums.append(np.cumsum(np.vstack([np.zeros(len(faster)), passed]), axis=0))
         # ways of whole windows, every half of one
         ends.append(np.arange(longest + length, len(told) + 1, max(1, length // 2)))

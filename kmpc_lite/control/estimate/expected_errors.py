@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from kmpc_lite.control.estimate.history import DrivenPeriod
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.lately import newest_weight
 from kmpc_lite.control.options import fastest, unit_length
@@ -26,6 +27,9 @@ ATTACK_TIME, RELEASE_TIME, FADING_PERIOD = 0.5, 1.0, 0.1
 than the last count as this, so that five innovations count at the least, and ten as they shrink."""
 UNKNOWN_INFLATION = 3.0
 """The floor is unknown if errors are more than this many times as large as the model expects."""
+FORGETTING_TIME = 3.0
+"""Memory of that mean while nothing is learned of the floor, for the robot stands or creeps [s]: a
+robot that stands for what it once felt would never find out."""
 DRIFT_FADING, DRIFT_THRESHOLD = 0.8, 6.0
 """Factor by which the sum of innovations fades per period, and its square, as a multiple of the
 expected one, beyond which the floor pushes to one side: a single innovation tells little among
@@ -70,6 +74,7 @@ class ExpectedErrors:
         self._attack, self._release = (
             newest_weight(time, model.dt, FADING_PERIOD) for time in (ATTACK_TIME, RELEASE_TIME)
         )
+        self._forgetting = newest_weight(FORGETTING_TIME, model.dt, FADING_PERIOD)
         longer = max(1.0, model.dt / LONG_PERIOD)
         self._judged_step, self._step = JUDGED_STEP * unit, longer * TOLERATED_STEP * unit
         self._by_command = _entries(tube, tube.white + tube.lasting)
@@ -101,6 +106,16 @@ class ExpectedErrors:
         state.ahead_variance = state.left_variance = state.covariance = 0.0
         state.drifting = False
 
+    def see(self, state: InnovationState, period: DrivenPeriod | None) -> None:
+        """Take in the innovation of a period, or let one pass that tells nothing of the floor."""
+        if state.error is None or period is None:
+            self._forget(state)
+        else:
+            self.judge(state, state.error, float(period.pose[2]), period.command)
+
+    def _forget(self, state: InnovationState) -> None:
+        state.level += self._forgetting * min(1.0 - state.level, 0.0)
+
     def judge(self, state: InnovationState, error: Array, heading: float, command: Array) -> None:
         """Take in the innovation of a period.
 
@@ -119,6 +134,7 @@ class ExpectedErrors:
         command = speeds(command)
         # also false for NaN and infinity
         if not (abs(command[0]) * self._dt >= self._judged_step and error @ error < np.inf):
+            self._forget(state)
             return
         # plain floats: for three numbers they are ten times as fast as arrays
         cos, sin = math.cos(heading), math.sin(heading)

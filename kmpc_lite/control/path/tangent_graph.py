@@ -232,6 +232,11 @@ class TangentGraph:
         self._nodes, self._gear, self._column = nodes, gear, column
         return True
 
+    @property
+    def time(self) -> float:
+        """Driving and turning of the candidate [s]."""
+        return float(self._total[self._gear, self._column])
+
     def trace(self) -> GeometricPath:
         """Points and headings of the candidate."""
         gear, column = self._gear, self._column
@@ -240,8 +245,7 @@ class TangentGraph:
         else:
             heading = float(self._query.start[2]) + gear * math.pi
         rows = np.array(self._points_along(heading))
-        time = float(self._total[gear, column])
-        return GeometricPath(rows[:, :2], rows[:, 2], time, gear == 1)
+        return GeometricPath(rows[:, :2], rows[:, 2], self.time, gear == 1)
 
     def _points_along(self, heading: float) -> list[tuple[float, float, float]]:
         """Rows x, y, heading along the candidate's nodes; the start is left at a heading [rad]."""

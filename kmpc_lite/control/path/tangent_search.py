@@ -30,8 +30,7 @@ def tangent_paths(
     """Offer paths from a pose to a pose: one for each first tangent and gear, the quickest first.
 
     The first path is the quickest of all around all circles, the later ones are a choice. With a
-    path on a lattice, also around its corners; where these give no path, the lattice's own, with
-    turns on the spot.
+    path on a lattice, also around its corners, and the lattice's own, with turns on the spot.
 
     Parameters
     ----------
@@ -50,37 +49,43 @@ def tangent_paths(
     bool
         Whether more is in the way than a graph takes.
     """
-    lattice_path, rounds, some = query.lattice_path, 0, False
+    lattice_path, rounds = query.lattice_path, 0
+    own = None if lattice_path is None else _straight(query)
     touched = NO_POINTS if lattice_path is None else lattice_path.corners
     straight = np.stack([query.start[:2], query.goal[:2]])
     known = with_corners(_cut(query, straight), query.edges)
     while rounds <= CORNER_ROUNDS:
         if np.count_nonzero(known) + len(touched) > GRAPH_CIRCLES:
             # what is left is the lattice's own path, if there is one
-            return lattice_path is None or not takes(_straight(query))
+            return own is None or not takes(own)
         graph = _graph(query, known, touched)
         yield from graph.build()
         found = False
         while graph.next_candidate():
+            if own is not None and own.time < graph.time:
+                if takes(own):
+                    return False
+                own = None
             yield 1
             path = graph.trace()
             cut = _cut(query, path.points)
             deep = NO_POINTS if lattice_path is None else lattice_path.cut(path.points)
             if not cut.any() and not len(deep):
-                found = some = True
+                found = True
                 if takes(path):
                     return False
             elif not found and (len(deep) or not known[cut].all()):
                 break  # it cuts what was not known
         else:
-            if lattice_path is not None and not some and not known.any():
-                takes(_straight(query))
+            if own is not None:
+                takes(own)
             return False
         if lattice_path is not None:
             touched = np.concatenate([touched, deep])
             rounds += 1
         known = with_walls(known | cut, query.centres, query.radii, query.edges)
-    takes(_straight(query))
+    if own is not None:
+        takes(own)
     return False
 
 

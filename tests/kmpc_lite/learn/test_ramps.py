@@ -97,11 +97,12 @@ def test_what_ramps_let_through_is_what_the_robot_was_asked_for() -> None:
     log = Dataset([Episode(np.zeros((61, 3)), told, DT)])
     (passed,) = let_through(log, RAMPS).episodes
     speed = passed.inputs[:, 0]
-    # up to 0.4 m/s within a second, down to zero within half of one, and on the other way
-    np.testing.assert_allclose(speed[5:15], 0.04 * np.arange(10) + 0.02)
+    # up to 0.4 m/s within a second, down to zero within half of one, and on the other way: the
+    # commands of a controller that asks for no faster changes
+    np.testing.assert_allclose(speed[5:15], 0.04 * np.arange(1, 11))
     np.testing.assert_allclose(speed[15:35], 0.4)
-    np.testing.assert_allclose(speed[35:40], 0.4 - 0.08 * np.arange(5) - 0.04)
-    np.testing.assert_allclose(speed[40:50], -0.04 * np.arange(10) - 0.02)
+    np.testing.assert_allclose(speed[35:40], 0.4 - 0.08 * np.arange(1, 6), atol=1e-12)
+    np.testing.assert_allclose(speed[40:50], -0.04 * np.arange(1, 11))
     assert let_through(log, NONE) is log
 
 
@@ -233,3 +234,33 @@ def test_a_robot_that_needs_a_metre_to_stop_drives_past_what_stands_in_its_way(
         assert np.hypot(*(poses[:, :2] - middle).T).min() > 0.55
     assert plan.holding
     assert np.hypot(*(robot.pose[:2] - goal[:2])) < 0.03
+
+
+def test_a_model_knows_that_ramps_are_driven_within_a_period() -> None:
+    """Commands that change as fast as the ramp come half a period late, at the least."""
+    model = fit(Dataset([_ramped(0)]), lags="auto")
+    slope = RAMPS.faster[0] * DT
+    commands = np.zeros((10, 2))
+    commands[:, 0] = slope * np.arange(1, 11)
+    states = model.rollout(np.zeros(3), commands, np.zeros((model.history, 2)))
+    driven = np.diff(states[:, 0]) / DT
+    np.testing.assert_allclose(driven[5:], commands[5:, 0] - 0.5 * slope, atol=0.2 * slope)
+
+
+def _ramped(seed: int) -> Episode:
+    """Log of a robot that follows by ramps alone, told something else every second."""
+    random = np.random.default_rng(seed)
+    told = np.repeat(random.uniform(-0.4, 0.4, (120, 2)), 10, axis=0)
+    told[:, 1] = 0.0
+    speed, place, fine = 0.0, [0.0], 50
+    for aim in told[:, 0].tolist():
+        x = place[-1]
+        for _ in range(fine):
+            grows = abs(aim) >= abs(speed) and aim * speed >= 0.0
+            most = (RAMPS.faster if grows else RAMPS.slower)[0] * DT / fine
+            before, speed = speed, speed + min(max(aim - speed, -most), most)
+            x += 0.5 * (before + speed) * DT / fine
+        place.append(x)
+    states = np.zeros((len(place), 3))
+    states[:, 0] = place
+    return Episode(states + 1e-4 * random.normal(size=states.shape), told, DT)

@@ -102,3 +102,14 @@ def test_the_score_is_half_a_point_at_most(monkeypatch: pytest.MonkeyPatch) -> N
     lost = replace(row, arrived=False, score=0.0)
     assert summary([row, lost])["score"] == 0.25
     assert "exact, dwa, free: out of time" in format_rows([row, lost])
+
+
+def test_a_way_ahead_is_driven_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Corners of the lattice left no tangent ahead: the robot backed up, and backed through."""
+    monkeypatch.setattr(drivers, "model_of", lambda _: nominal_unicycle(drivers.JACKAL.dt))
+    world, given = draw_field(1), CONDITIONS["exact"]
+    loop = ClutterLoop(Ours(world, given), world, given, 1)
+    monkeypatch.setattr(drives, "LONGEST", 2.0)
+    loop.run()
+    assert min(command[0] for command in loop.commands) >= -0.05
+    assert loop.pose[1] > 5.0

@@ -145,3 +145,18 @@ def test_errors_count_for_a_time_but_five_of_them_and_ten_at_the_least(
     assert level == pytest.approx(1.0 + larger * (400.0 - 1.0))
     wary.observe(np.zeros(3), 0.0, u)
     assert wary.drift.level == pytest.approx((1.0 - smaller) * level)
+
+
+def test_what_was_felt_is_forgotten_while_the_robot_stands():
+    """Margins that let it stand would never shrink else: a robot that stands learns nothing."""
+    model = slipping(0.02)
+    wary, sharp = Wary(model, PROBLEM), np.array([0.05, 0.0, 0.0])
+    for _ in range(3):
+        wary.observe(sharp, 0.0, np.array([0.5, 0.0]))
+    felt = wary.inflation
+    for _ in range(10):
+        wary.observe(sharp, 0.0, np.zeros(2))
+    assert felt > 3.0 and 0.5 * felt < wary.inflation < felt
+    for _ in range(200):
+        wary.observe(sharp, 0.0, np.zeros(2))
+    assert wary.inflation == 1.0
