@@ -202,7 +202,7 @@ class Pipeline:
         if (
             guess is not None
             and guidance is not None
-            and self._guiding.parts(guess, reference, seen)
+            and self._guiding.parts(guess, task.reference, seen)
         ):
             guess = None
         if guess is None and guidance is None and self._sqp.iterations > 1:
