@@ -1,5 +1,5 @@
 /* Two motors with quadrature encoders on an ESP32 or an Arduino with enough interrupts (Mega, Due, Teensy):
- * the board's end of `driver = "arduino"`. Set-up, protocol and wiring: docs/howto/boards.md
+ * the board's end of `driver = "arduino"`. Set-up: docs/howto/boards.md, protocol: PROTOCOL.md
  *
  * Change the numbers of this block for your robot, nothing else.
  */

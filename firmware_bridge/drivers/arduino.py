@@ -1,4 +1,4 @@
-"""An ESP32 or Arduino with our line protocol: docs/howto/boards.md says what travels."""
+"""An ESP32 or Arduino with our line protocol: see examples/kmpc_wheels/PROTOCOL.md."""
 
 from __future__ import annotations
 
