@@ -54,9 +54,10 @@ class Rig:
     """The board, and wheels under it: they turn as it says, and stop if it says nothing."""
 
     def __init__(self, program):
-        self.port, motors = free_port(), free_port()
+        self.port, motors, self.debug = free_port(), free_port(), free_port()
         serial = ",server=on,wait=off"
         ask = ["qemu-system-arm", "-M", "mps2-an500", "-display", "none", "-monitor", "none"]
+        ask += ["-gdb", f"tcp:127.0.0.1:{self.debug}"]
         ask += ["-kernel", program, "-serial", f"tcp:127.0.0.1:{self.port}{serial}"]
         self._qemu = subprocess.Popen([*ask, "-serial", f"tcp:127.0.0.1:{motors}{serial}"])
         assert until(lambda: self._connect(motors), 20.0)
@@ -202,6 +203,30 @@ def test_old_poses_and_an_emergency_stop_stop_it(rig):
     assert rig.stands
     rig.driver.release()
     assert until(lambda: rig.driver.send(0.2, 0.0) or not rig.stands, 5.0)
+
+
+def remote(text):
+    """Build a packet of GDB's remote protocol."""
+    return f"+${text}#{sum(text.encode()) % 256:02x}".encode()
+
+
+@IN_QEMU
+def test_a_program_that_hangs_is_started_anew(rig, program):
+    """A debugger writes a loop without end into it; its watchdog has it stand."""
+    rig.connect()
+    assert until(lambda: rig.driver.send(0.2, 0.0) or not rig.stands)
+    ask = ["arm-none-eabi-nm", program]
+    names = subprocess.run(ask, capture_output=True, text=True, check=True).stdout.splitlines()
+    (place,) = (line.split()[0] for line in names if line.endswith(" kmpc_host_tick"))
+    with socket.create_connection(("127.0.0.1", rig.debug)) as debugger:
+        time.sleep(0.2)
+        debugger.sendall(remote(f"M{place},2:fee7"))
+        time.sleep(0.2)
+        before = rig.driver.telemetry.uptime
+        debugger.sendall(remote("c"))
+        assert until(lambda: rig.driver.telemetry.uptime < before, 10.0)
+        assert rig.stands
+        assert until(lambda: rig.driver.send(0.2, 0.0) or not rig.stands), "as after any start"
 
 
 def test_a_line_without_a_board_is_told():
