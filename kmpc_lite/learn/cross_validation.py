@@ -120,7 +120,9 @@ def assign_folds(blocks: int) -> Array:
     return np.arange(blocks) * min(FOLDS, blocks) // max(blocks, 1)
 
 
-def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Array) -> Choice:
+def cross_validate(
+    candidates: Sequence[Candidate], folds: Array, reference: Array, relative: bool = True
+) -> Choice:
     """Choose a candidate, and tell what the choice is worth against a reference.
 
     For each fold, the choice is made by cross-validation among the other folds, the weights are
@@ -134,6 +136,9 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
         Fold of each block, (B,).
     reference : ndarray
         Squared errors of each block without any fit, (B,).
+    relative : bool
+        Whether gains are compared block by block, and not as they are: blocks that were weighed
+        have about one size already.
     """
     count, blocks = int(folds.max()) + 1, len(folds)
     one, other = np.triu_indices(count)
@@ -156,7 +161,8 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
     for o in range(count):
         chosen = choose(inner[:, o, folds != o], complexity)
         honest[folds == o] = outer[chosen, folds == o]
-    return Choice(choose(outer, complexity), gain_score(reference, honest), honest)
+    score = gain_score(reference, honest, relative)
+    return Choice(choose(outer, complexity), score, honest)
 
 
 def choose(errors: Array, complexity: Sequence[int]) -> int:
@@ -172,14 +178,16 @@ def choose(errors: Array, complexity: Sequence[int]) -> int:
     return int(min(near.tolist(), key=lambda c: (complexity[c], total[c])))
 
 
-def gain_score(reference: Array, errors: Array) -> float:
+def gain_score(reference: Array, errors: Array, relative: bool = True) -> float:
     """Mean over the blocks of the relative gain, in standard errors; never positive without a gain.
 
     Relative, ``(reference - errors) / (reference + errors)``, for a block in which the robot drives
     fast must not drown those in which it drives slowly.
     """
     total = reference + errors
-    gains = (reference - errors) / np.where(total > 0.0, total, 1.0)
+    gains = reference - errors
+    if relative:
+        gains = gains / np.where(total > 0.0, total, 1.0)
     mean = float(gains.mean())
     if reference.sum() <= errors.sum():
         mean = min(mean, 0.0)

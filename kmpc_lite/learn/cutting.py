@@ -161,7 +161,9 @@ def _cut_table(log: Log, table: Array, dt: float | None, gap: float | None) -> l
         period = _even_period(log, table[:, 0], whole, period)
     parts = np.split(table, np.flatnonzero(~whole) + 1)
     episodes = [
-        e for rows in parts if len(rows) >= 2 and (e := _episode(rows, period, dt)) is not None
+        e
+        for rows in parts
+        if len(rows) >= 2 and (e := _episode(rows, period, dt, log.steered)) is not None
     ]
     if not episodes:
         raise DataError(
@@ -204,12 +206,12 @@ def _tidy(period: float, resolution: float) -> float:
     return next((c for c in candidates if c > 0.0 and abs(c - period) <= tolerance), period)
 
 
-def _episode(rows: Array, period: float, dt: float | None) -> Episode | None:
+def _episode(rows: Array, period: float, dt: float | None, steered: bool) -> Episode | None:
     """One episode from rows without a gap: as logged, or on an even grid of its own."""
     poses = unwrapped(rows[:, 1:4])
     if dt is None:
-        return Episode(poses, rows[:-1, 4:], period)
-    return resample(rows[:, 0], poses, rows[:-1, 4:], dt)
+        return Episode(poses, rows[:-1, 4:], period, steered)
+    return resample(rows[:, 0], poses, rows[:-1, 4:], dt, steered)
 
 
 def unwrapped(poses: Array) -> Array:
@@ -235,7 +237,8 @@ def _cut_streams(log: Log, dt: float | None, gap: float | None) -> list[Episode]
         made
         for rows in parts
         if len(rows) >= 2 and stretch[rows[0]] >= 0
-        if (made := _aligned(time[rows], log.poses.values[rows], when, held, dt)) is not None
+        if (made := _aligned(time[rows], log.poses.values[rows], (when, held), dt, log.steered))
+        is not None
     ]
     if not episodes:
         raise DataError(
@@ -266,10 +269,13 @@ def tell_overlap(log: Log) -> str:
     return f"poses from {a:.15g} to {b:.15g} s, commands from {c:.15g} to {d:.15g} s"
 
 
-def _aligned(time: Array, poses: Array, when: Array, held: Array, dt: float) -> Episode | None:
-    """One episode: poses (n, 3) at `time` interpolated, commands (m, 2) held from `when` on."""
+def _aligned(
+    time: Array, poses: Array, commands: tuple[Array, Array], dt: float, steered: bool
+) -> Episode | None:
+    """One episode: poses (n, 3) at `time` interpolated, commands held from their times on."""
+    when, held = commands
     first, last = np.searchsorted(when, (time[0], time[-1]), side="right")
     both = np.unique(np.concatenate([time, when[first:last]]))
     states = np.column_stack([np.interp(both, time, column) for column in unwrapped(poses).T])
     acting = np.searchsorted(when, both[:-1], side="right") - 1
-    return resample(both, states, held[np.maximum(acting, 0)], dt)
+    return resample(both, states, held[np.maximum(acting, 0)], dt, steered)

@@ -54,6 +54,9 @@ class Dataset:
                 f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): "
                 "resample them to one dt"
             )
+        kinds = {(e.inputs.shape[1], e.steered) for e in self.episodes}
+        if len(kinds) > 1:
+            raise DataError("episodes of different wheels: each kind is learned apart")
         self.dt = periods[0]
 
     @classmethod
@@ -158,6 +161,11 @@ class Dataset:
         return sum(len(e) for e in self.episodes)
 
     @property
+    def steered(self) -> bool:
+        """Whether it is a car's: its turn rates are those of steered wheels."""
+        return self.episodes[0].steered
+
+    @property
     def inputs(self) -> Array:
         """Commands of all episodes, one after another, (n, 2)."""
         return np.concatenate([e.inputs for e in self.episodes])
@@ -189,7 +197,7 @@ class Dataset:
         """
         length = max(1, int(min(check_time("windows", seconds) / self.dt + 1e-6, MAX_ROWS)))
         pieces = [
-            Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt)
+            Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt, e.steered)
             for e in self.episodes
             for k in range(0, len(e), length)
         ]

@@ -16,6 +16,14 @@ from kmpc_lite.learn.cross_validation import (
     solve_columns,
 )
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.ladders import (
+    ACROSS_LADDER,
+    ALONG_LADDER,
+    BESIDE,
+    HEADING_LADDER,
+    STEERED_LADDER,
+    Ladder,
+)
 from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates, neighbours
 from kmpc_lite.learn.stopping import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import (
@@ -29,43 +37,6 @@ from kmpc_lite.model.dictionary.response import TERMS
 from kmpc_lite.types import Array
 
 AnyResponse = Response | AgedResponse
-Ladder = tuple[tuple[str, tuple[int, ...]], ...]
-"""Names of its steps and the terms of each, of which there are ever more."""
-
-
-ALONG_LADDER: Ladder = (
-    ("gain", (0,)),
-    ("gains", (0, 1)),
-    ("product", (0, 1, 2)),
-    ("slip", (0, 1, 2, 3, 4, 5)),
-)
-"""Terms of the forward speed: its own gain; a turning centre beside the pose; v*omega; what is even
-in omega or saturates."""
-
-
-ACROSS_LADDER: Ladder = (
-    ("offset", (0,)),
-    ("centre", (1,)),
-    ("gains", (0, 1)),
-    ("product", (0, 1, 2)),
-    ("slip", (0, 1, 2, 6, 7, 8)),
-)
-"""Terms of the sideways speed: a heading that is off; a turning centre ahead of the pose; both;
-v*omega; what is odd in omega."""
-
-
-HEADING_LADDER: Ladder = (
-    ("gain", (1,)),
-    ("gains", (0, 1)),
-    ("product", (0, 1, 2)),
-    ("slip", (0, 1, 2, 6, 7, 8)),
-)
-"""Terms of the turn rate: its own gain; a robot that draws to one side; v*omega; what is odd in
-omega."""
-
-
-BESIDE = (0, 1, 2)
-"""Terms of the sideways speed that are free where the forward speed's are chosen."""
 
 
 NOMINAL = "nominal"
@@ -103,12 +74,18 @@ class Search:
     given: tuple[AgedResponse, AgedResponse] | None = None
     """Of speed and turn rate, if there is no choice between responses."""
     known: dict[tuple[AnyResponse, AnyResponse], Moments] = field(default_factory=dict)
+    weights: tuple[Array, ...] | None = None
+    """Of each block's place and heading, of a car."""
 
     def candidates(self, which: int) -> tuple[AnyResponse, ...]:
         """Responses to choose from, of the speed (0) or the turn rate (1)."""
         if self.given is not None:
             return (self.given[which],)
         return first_candidates(self.windows.dt, self.windows.longest)
+
+    def price(self, response: AnyResponse) -> int:
+        """Unknowns of a response; none of a car's, whose motor and servo lag before a log tells."""
+        return 0 if self.log.steered or response == AT_ONCE else 2
 
     def late(self, chosen: AnyResponse, which: int) -> AnyResponse:
         """Give a mean delay to a robot that was chosen to obey at once, if its log is sure of one.
@@ -126,24 +103,41 @@ class Search:
         if key not in self.known:
             dt, longest = self.windows.dt, self.windows.longest
             kernels = speed.weights(dt, longest), turn.weights(dt, longest)
-            self.known[key] = moments(self.windows, *kernels, self.smoothing, self.limits)
+            found = moments(self.windows, *kernels, self.smoothing, self.limits)
+            self.known[key] = self._weighed(found) if self.log.steered else found
         return self.known[key]
+
+    def _weighed(self, found: Moments) -> Moments:
+        """Moments of a car, in which slow blocks count as much as fast ones.
+
+        A car is driven at very different speeds, and they are compared block by block.
+        """
+        if self.weights is None:
+            at_once = moments(self.windows, (1.0,), (1.0,), self.smoothing, self.limits)
+            base, heading = position_base(), nominal_rows().heading
+            place = squared_errors(at_once.along + at_once.across, base)
+            turn = squared_errors(at_once.heading, heading)
+            both = (1.0 / np.maximum(e + np.median(e), 1e-12) for e in (place, turn))
+            self.weights = tuple(w[:, None, None] for w in both)
+        place, turn = self.weights
+        return Moments(found.along * place, found.across * place, found.heading * turn)
 
 
 def choose_heading(
-    search: Search, options: SelectionOptions
+    search: Search, options: SelectionOptions, speed: AnyResponse = AT_ONCE
 ) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
-    """Response and terms of the turn rate."""
+    """Response and terms of the turn rate; a car's follows the response of its speed, too."""
     base = nominal_rows().heading
+    ladder = STEERED_LADDER if search.log.steered else HEADING_LADDER
     candidates, names = [], []
     for response in search.candidates(1):
-        moment = search.moments(AT_ONCE, response).heading
-        for step, (_, terms) in enumerate(HEADING_LADDER):
-            complexity = len(terms) + 2 * (response != AT_ONCE)
+        moment = search.moments(speed, response).heading
+        for step, (_, terms) in enumerate(ladder):
+            complexity = len(terms) + search.price(response)
             candidates.append(Candidate(moment, moment, np.array(terms), base, complexity))
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, AT_ONCE).heading, base)
-    response, direction, chosen = _decide(candidates, names, HEADING_LADDER, reference, options)
+    response, direction, chosen = _decide(search, candidates, names, ladder, reference, options)
     return search.late(response, 1), direction, chosen
 
 
@@ -152,17 +146,18 @@ def choose_along(
 ) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Response and terms of the forward speed, with the sideways speed free."""
     beside = TERM_COUNT + np.array(BESIDE)
+    ladder = ALONG_LADDER[:1] if search.log.steered else ALONG_LADDER
     candidates, names = [], []
     for response in search.candidates(0):
         moment = search.moments(response, turn)
-        for step, (_, terms) in enumerate(ALONG_LADDER):
-            complexity = len(terms) + 2 * (response != AT_ONCE)
+        for step, (_, terms) in enumerate(ladder):
+            complexity = len(terms) + search.price(response)
             columns = np.concatenate([terms, beside])
             both = moment.along + moment.across
             candidates.append(Candidate(both, moment.along, columns, position_base(), complexity))
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, turn).along, position_base())
-    response, direction, chosen = _decide(candidates, names, ALONG_LADDER, reference, options)
+    response, direction, chosen = _decide(search, candidates, names, ladder, reference, options)
     return search.late(response, 0), direction, chosen
 
 
@@ -183,11 +178,12 @@ def choose_across(
     without = solve_columns(both.sum(axis=0), np.array(along_terms, dtype=int), position_base())
     reference = squared_errors(moment.across, without)
     names = [(speed, step) for step in range(len(ACROSS_LADDER))]
-    _, direction, terms = _decide(candidates, names, ACROSS_LADDER, reference, options)
+    _, direction, terms = _decide(search, candidates, names, ACROSS_LADDER, reference, options)
     return direction, terms
 
 
 def _decide(
+    search: Search,
     candidates: list[Candidate],
     names: list[tuple[AnyResponse, int]],
     ladder: Ladder,
@@ -196,7 +192,8 @@ def _decide(
 ) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Take the chosen candidate if it beats the reference beyond chance, else the nominal robot."""
     blocks = len(reference)
-    choice = cross_validate(candidates, assign_folds(blocks), reference)
+    relative = not search.log.steered
+    choice = cross_validate(candidates, assign_folds(blocks), reference, relative)
     critical = critical_score(blocks, options.significance)
     response, step = names[choice.best]
     if not choice.score > critical:
@@ -226,12 +223,16 @@ def _refine(
 
 
 def refine_heading(
-    search: Search, turn: AnyResponse, terms: tuple[int, ...], options: SelectionOptions
+    search: Search,
+    speed: AnyResponse,
+    turn: AnyResponse,
+    terms: tuple[int, ...],
+    options: SelectionOptions,
 ) -> AnyResponse:
     """Response near one of the turn rate by which the best rows err least."""
 
     def error(response: AnyResponse) -> float:
-        total = search.moments(AT_ONCE, response).heading.sum(axis=0)
+        total = search.moments(speed, response).heading.sum(axis=0)
         weights = solve_columns(total, np.array(terms, dtype=int), nominal_rows().heading)
         return float(squared_errors(total[None], weights)[0])
 

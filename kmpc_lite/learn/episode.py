@@ -28,6 +28,8 @@ class Episode:
         from state k to state k + 1.
     dt : float
         Sampling period [s].
+    steered : bool
+        Whether its turn rates are those of steered wheels, a car's: speed times curvature.
 
     Raises
     ------
@@ -38,6 +40,7 @@ class Episode:
     states: Array
     inputs: Array
     dt: float
+    steered: bool = False
 
     def __post_init__(self) -> None:
         """Check the arrays and unwrap the heading."""
@@ -88,7 +91,8 @@ class Episode:
         Poses are interpolated linearly; a command is the mean of what was held during the new
         period. DataError where the robot turns by more than half a turn within it.
         """
-        return resample(np.arange(len(self) + 1) * self.dt, self.states, self.inputs, dt)
+        time = np.arange(len(self) + 1) * self.dt
+        return resample(time, self.states, self.inputs, dt, self.steered)
 
 
 def check_time(name: str, value: float) -> float:
@@ -99,10 +103,12 @@ def check_time(name: str, value: float) -> float:
     return float(time.item())
 
 
-def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | None:
+def resample(
+    time: Array, states: Array, inputs: Array, dt: float, steered: bool = False
+) -> Episode | None:
     """Put a drive on an even grid of times.
 
-    The states (T + 1, 3) are at times (T + 1,) [s], and the inputs (T, 2) act between them.
+    The states (T + 1, 3) are at times (T + 1,) [s], and the inputs (T, m) act between them.
     """
     dt = check_time("dt", dt)
     elapsed = time - time[0]
@@ -125,4 +131,4 @@ def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | 
             f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: "
             "choose a shorter period"
         )
-    return Episode(poses, np.diff(held, axis=0) / dt, dt)
+    return Episode(poses, np.diff(held, axis=0) / dt, dt, steered)

@@ -31,7 +31,9 @@ PLACE = {"deg": 1.0, "rad": 180.0 / pi}
 """Of a latitude or a longitude, which are kept in degrees until they become metres."""
 KNOWN = {
     **{"t": TIME, "x": LENGTH, "y": LENGTH, "theta": ANGLE, "v": SPEED, "omega": TURN_RATE},
-    **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED, "steering": ANGLE},
+    **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED, "lateral": SPEED},
+    **{"steering": ANGLE, "curvature": {"1/m": 1.0, "1/cm": 100.0, "1/mm": 1000.0}},
+    "servo": {"1": 1.0, "%": 0.01},
 }
 """Size of each unit, by column."""
 FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
@@ -103,7 +105,7 @@ class Series:
     time: Array
     """(n,) [s]."""
     values: Array
-    """Poses x, y, theta or commands v, omega, (n, 3) or (n, 2)."""
+    """Poses x, y, theta or commands v, omega, (n, 3) or (n, m)."""
     source: str
     """Where they were found: ``/odom (nav_msgs/msg/Odometry)``."""
 
@@ -142,6 +144,10 @@ class Log:
     """What a user should know of how the file was read, one line each."""
     where: Callable[[int], str] = row_number
     """Names a row as the file does: ``line 7``."""
+    columns: tuple[str, ...] = ("v", "omega")
+    """What the numbers of a command are: v and omega; v, lateral and omega; v and steering..."""
+    steered: bool = False
+    """Whether the commands are a car's: turn rates are speeds times the curvature of its wheels."""
     shares: bool = False
     """Whether the commands are shares of full throttle and steering: their size tells nothing."""
 
@@ -207,7 +213,7 @@ def correct(log: Log, options: ReadOptions) -> Log:
     return replace(
         log,
         poses=_in_frame(poses, options.frame),
-        commands=_shifted(in_units(log.commands, ("v", "omega"), options.units), options.shift),
+        commands=_shifted(in_units(log.commands, log.columns, options.units), options.shift),
         together=log.together and options.shift == 0.0,
     )
 

@@ -19,9 +19,9 @@ from kmpc_lite.learn.cross_validation import (
     gain_score,
 )
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.responses import Response, first_candidates, neighbours
 from kmpc_lite.learn.selection import learned_axes
+from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import INPUTS, Array
@@ -83,7 +83,9 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
     False
     """
     options = RampOptions() if options is None else options
-    found = [_find(dataset, axis, options) for axis in range(INPUTS)]
+    # a car's turn rate follows its speed, and its steering has a lag of its own
+    axes = range(1 if dataset.steered else INPUTS)
+    found = [_find(dataset, axis, options) for axis in axes] + [(FREE, FREE)] * (INPUTS - len(axes))
     faster, slower = np.array(found).T
     return Ramps(faster, slower)
 
@@ -151,7 +153,9 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
     for episode in dataset.episodes:
         pairs = zip(episode.inputs.T, ramps.faster[:, None], ramps.slower[:, None], strict=True)
         columns = [_follow(told, up, down, episode.dt)[1] for told, up, down in pairs]
-        episodes.append(Episode(episode.states, np.concatenate(columns, axis=1), episode.dt))
+        if episode.steered:  # its wheels stay steered while it rolls
+            columns[1] = columns[0] * held_curvatures(episode.inputs)[:, None]
+        episodes.append(replace(episode, inputs=np.concatenate(columns, axis=1)))
     return Dataset(episodes)
 
 
@@ -196,15 +200,13 @@ def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, flo
         return FREE, FREE
     if not _is_sure(none, errors, options):
         return FREE, FREE
-    best = _best(errors)
-    pair = faster[best], slower[best]
+    pair = faster[best := _best(errors)], slower[best]
     around = options.refined ** np.arange(-3, 4)
     nearby = [v * around if np.isfinite(v) else np.array([FREE]) for v in pair]
     faster, slower = (a.ravel() for a in np.meshgrid(*nearby))
     best = _best(_errors(pieces, faster, slower, dataset.dt, options)[0])
-    commands = [u for u, _ in pieces]
     found = float(faster[best]), float(slower[best])
-    asked = (_starts(commands, dataset.dt, backwards) for backwards in (False, True))
+    asked = (_starts([u for u, _ in pieces], dataset.dt, back) for back in (False, True))
     shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
     return found if any(shows) else (FREE, FREE)
 

@@ -40,6 +40,10 @@ from kmpc_lite.model.dictionary.response import LINEAR, TERMS, ResponseDictionar
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
+CAR_OPTIONS = SelectionOptions(significance=0.01)
+"""Motor and servo of a car lag, and few blocks of its log show how much: as with ramps, what is
+missed is a stop that comes too late."""
+
 
 @dataclass(frozen=True)
 class Selection:
@@ -61,6 +65,8 @@ class Selection:
     """Windows that the rows were fitted to."""
     condition: float = 1.0
     """Condition number of the position's terms, as columns of length one."""
+    steered: bool = False
+    """Whether the turn's response is that of a car's curvature."""
 
     @property
     def nominal(self) -> bool:
@@ -93,7 +99,8 @@ def select(
     DataError
         For ages that a log is too short for.
     """
-    options = SelectionOptions() if options is None else options
+    if options is None:
+        options = CAR_OPTIONS if dataset.steered else SelectionOptions()
     windows, limits = cut_for(dataset, options, ages), largest_speeds(dataset)
     terms = (0.05 * limits[0], 0.05 * limits[1]), limits
     blocks = len(windows.blocks)
@@ -104,7 +111,7 @@ def select(
             f"gap, as lags up to {max(ages)} periods need; got {blocks}"
         )
     if blocks < 3:
-        return Selection(*terms, blocks)
+        return Selection(*terms, blocks, steered=dataset.steered)
     given = shares_of_ages(windows, ages) if ages else None
     fitted, search = (
         Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
@@ -112,8 +119,12 @@ def select(
     )
     turn, heading, heading_terms = choose_heading(search, options)
     speed, along, along_terms = choose_along(search, turn, options)
+    if dataset.steered and speed != AT_ONCE:
+        turn, heading, heading_terms = choose_heading(search, options, speed)
     across, across_terms = choose_across(search, speed, turn, along_terms, options)
-    turn = refine_heading(fitted, turn, heading_terms, options)
+    # only a car's turn rate follows its speed
+    rolls = speed if dataset.steered else AT_ONCE
+    turn = refine_heading(fitted, rolls, turn, heading_terms, options)
     speed = refine_along(fitted, speed, turn, along_terms, options)
     every = Search(windows, *terms, dataset).moments(speed, turn)
     rows, condition = _fit_rows(every, along_terms, across_terms, heading_terms)
@@ -129,6 +140,7 @@ def select(
         heading,
         windows.count,
         condition,
+        dataset.steered,
     )
 
 
@@ -215,7 +227,7 @@ def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanMod
     dictionary = base
     if len(used) > len(LINEAR) or len(speed) > 1 or len(turn) > 1:
         dictionary = ResponseDictionary(
-            base, speed, turn, used, selection.smoothing, selection.limits
+            base, speed, turn, used, selection.smoothing, selection.limits, selection.steered
         )
     kept = rows[:, [TERMS.index(t) for t in used]]
     nz, nw = dictionary.size, dictionary.input_size

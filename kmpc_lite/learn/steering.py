@@ -1,29 +1,116 @@
-"""Cars' logs: steering angles become turn rates, and what no motor has obeyed is left out.
+"""Cars' logs: steered wheels become turn rates, and what no motor has obeyed is left out.
 
-A car's command is a speed and a steering angle. Its turn rate is ``v tan(angle) / wheelbase``; the
-wheelbase need not be known, since the log shows how far the car turns on each metre. A driver with
-a deadman switch commands speeds that nothing obeys until it is pressed.
+A car's command is a speed and a steering angle, a curvature, or the position of a servo. Its turn
+rate is speed times curvature. Neither wheelbase nor the servo's middle need be known, since the log
+shows how far the car turns on each metre. A driver with a deadman switch commands speeds that
+nothing obeys until it is pressed.
 """
 
 from __future__ import annotations
+
+import math
+from dataclasses import replace
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
+from kmpc_lite.learn.logs import Log, Series
 from kmpc_lite.types import Array
 
 PIECE = 1.0
 """Time over which driven and turned are compared [s]: a servo's lag is short beside it."""
 LEAST_TURNED = 1.0
 """Sum of the turns that tell a wheelbase [rad]."""
-COMMANDED, OBEYED = 0.2, 0.15
-"""A command of more than this share of the largest speed is not obeyed if the robot drives less
-than this share of it ..."""
-DISOBEYED = 1.0
-"""... for so long [s]."""
+EXPLAINED = 0.2
+"""Share of the turns, squared, that steering must explain: else they come of something else."""
+COMMANDED = 0.2
+"""Share of the largest speed from which on a command is one to drive."""
+SHARES, SLOWEST, LATEST = (0.1, 0.2, 0.4), 5.0, 0.3
+"""A robot that takes the longest to the speed that is asked [s] passes each of these shares of it
+in as large a share of that time, begun so late [s]; one that takes longer does not obey."""
+WINDOW = 0.4
+"""Time over which a driven speed is measured [s]."""
 EASES = 0.5
 """What is left out beside that [s]: motors start and stop."""
+JUMP = 3.0
+"""Ratio of a pose's speed to the largest that is commanded from which on it has been relocated."""
+ROLLS = 1e-6
+"""Speed that stands for none [m/s]: wheels can be steered while they stand."""
+
+
+def as_car(log: Log, wheelbase: float | None = None) -> Log:
+    """Give a log of steered wheels as one of speeds and turn rates.
+
+    Parameters
+    ----------
+    log : Log
+        Its commands are a speed and a steering angle, a curvature, or a servo's position, as its
+        `columns` say.
+    wheelbase : float, optional
+        Distance between the axles [m], for angles; found if not given.
+
+    Raises
+    ------
+    DataError
+        If the log does not tell how its steering turns it.
+    """
+    time, poses = log.poses.time, log.poses.values
+    told = log.commands.values
+    at = np.arange(len(time))
+    if not log.together:
+        at = np.searchsorted(log.commands.time, time, side="right") - 1
+    held = told[np.maximum(at, 0)]
+    left_out = disobeyed(time, poses, held[:, 0]) | relocated(time, poses, held[:, 0])
+    rows = np.flatnonzero(~left_out & (at >= 0))
+    if len(rows) < 2:
+        raise DataError(f"{log.name}: nothing obeyed the commands of this log")
+    seen = time[rows], poses[rows], held[rows, 1]
+    curvatures, note = _curvatures(log, told[:, 1], seen, wheelbase)
+    speeds = np.where(np.abs(told[:, 0]) < ROLLS, ROLLS, told[:, 0])
+    values = np.column_stack([speeds, speeds * curvatures])
+    notes = [*log.notes, note]
+    if left_out.any():
+        steps = np.diff(time, prepend=time[0])
+        notes.append(f"{steps[left_out].sum():.0f} s in which nothing obeyed the commands, or the "
+                     "pose jumped, are left out")  # fmt: skip
+    commands = replace(log.commands, values=values)
+    if log.together:
+        commands = Series(commands.time[rows], values[rows], commands.source)
+    kept = Series(time[rows], poses[rows], log.poses.source)
+    return replace(
+        log,
+        poses=kept,
+        commands=commands,
+        columns=("v", "omega"),
+        steered=True,
+        notes=tuple(notes),
+        where=lambda row: log.where(int(rows[row]) if row >= 0 else row),
+    )
+
+
+def _curvatures(
+    log: Log, told: Array, seen: tuple[Array, Array, Array], wheelbase: float | None
+) -> tuple[Array, str]:
+    """Curvatures (n,) that are told, and a line on the car; the log as far as it was obeyed."""
+    time, poses, held = seen
+    if log.columns[1] == "curvature":
+        found, how = told, ""
+    elif log.columns[1] == "servo":
+        gain, middle = find_servo(time, poses, held)
+        found = gain * (told - middle)
+        how = f"; straight at servo {middle:.4g}, curvature {gain:.3g} 1/m for each 1 of it"
+    else:
+        given = wheelbase or find_wheelbase(time, poses, held)
+        found = np.tan(told) / given
+        largest = float(np.abs(held).max())
+        how = f"; wheelbase {abs(given):.2f} m, it steers by at most {largest:.2f} rad"
+    sharpest = float(np.abs(found).max())
+    radius = 1.0 / sharpest if sharpest > 0.0 else math.inf
+    return found, (
+        f"steered wheels, a car{how}; turning radius {radius:.2f} m: wheels = "
+        f'{{kind = "car", turning_radius = {radius:.2f}}}'
+    )
 
 
 def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
@@ -34,23 +121,47 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
     Raises
     ------
     DataError
-        If the log turns too little to tell.
+        If the log turns too little to tell, or turns otherwise than it is steered.
     """
     driven, turned, slopes = _pieces(time, poses, np.tan(angles))
     bent = driven * slopes
-    if np.abs(turned).sum() < LEAST_TURNED or not bent @ turned:
-        raise DataError("steering: the log turns too little to tell the wheelbase: drive circles")
+    _must_explain(turned, bent)
     return float(bent @ bent / (bent @ turned))
+
+
+def find_servo(time: Array, poses: Array, positions: Array) -> tuple[float, float]:
+    """Curvature [1/m] for each 1 of a servo's positions (n,), and the position that is straight.
+
+    Raises
+    ------
+    DataError
+        If the log turns too little to tell, or turns otherwise than it is steered.
+    """
+    driven, turned, means = _pieces(time, poses, positions)
+    columns = np.column_stack([driven * means, driven])
+    gain, offset = np.linalg.lstsq(columns, turned, rcond=1e-9)[0].tolist()
+    _must_explain(turned, driven * (means + offset / gain) if gain else driven)
+    return gain, -offset / gain
+
+
+def _must_explain(turned: Array, bent: Array) -> None:
+    """Refuse steering that does not explain the turns (n,)."""
+    both = float(bent @ turned)
+    if np.abs(turned).sum() < LEAST_TURNED or not both:
+        raise DataError("steering: the log turns too little to tell the wheelbase: drive circles")
+    if both**2 < EXPLAINED * float(bent @ bent) * float(turned @ turned):
+        raise DataError(
+            "steering: the robot turns otherwise than it is steered: is it a car? The commands of "
+            "others are v and omega (--columns omega=NAME)"
+        )
 
 
 def _pieces(time: Array, poses: Array, slopes: Array) -> tuple[Array, Array, Array]:
     """Distance ahead, turn, and mean slope of pieces of a log."""
-    known = np.isfinite(slopes) & np.isfinite(poses).all(axis=1)
-    time, poses, slopes = time[known], poses[known], slopes[known]
     heading = np.unwrap(poses[:, 2])
     ahead, _ = rotate(np.diff(poses[:, 0]), np.diff(poses[:, 1]), -heading[:-1])
     steps = np.diff(time)
-    held = steps < PIECE  # what is left out of a log is no drive
+    held = (steps > 0.0) & (steps < PIECE)  # what is left out of a log is no drive
     number = np.floor((time[:-1] - time[0]) / PIECE).astype(int)
     count = int(number.max(initial=0)) + 1
     total = np.bincount(number, held * steps, count)
@@ -70,17 +181,36 @@ def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
     Parameters
     ----------
     time, poses, speeds : ndarray
-        (n,) [s], (n, 3), and (n,) commanded [m/s], NaN if none was.
+        (n,) [s], (n, 3), and (n,) commanded [m/s].
     """
-    asked = np.nan_to_num(np.abs(speeds))
-    window = time[:, None] + np.array((-0.5, 0.5)) * DISOBEYED
+    asked = np.abs(speeds)
+    window = time[:, None] + np.array((-0.5, 0.5)) * WINDOW
     places = [np.interp(window, time, column) for column in poses[:, :2].T]
-    driven = np.hypot(*(np.diff(place, axis=1)[:, 0] for place in places)) / DISOBEYED
-    largest = np.quantile(asked, 0.99)
-    ignored = (asked > COMMANDED * largest) & (driven < OBEYED * asked)
+    driven = np.hypot(*(np.diff(place, axis=1)[:, 0] for place in places)) / WINDOW
+    told = asked > COMMANDED * np.quantile(asked, 0.99)
     out = np.zeros(len(time), dtype=bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], ignored.astype(int), [0]])))
-    for first, last in edges.reshape(-1, 2):
-        if time[last - 1] - time[first] >= DISOBEYED:
-            out |= (time >= time[first] - EASES) & (time <= time[last - 1] + EASES)
+    for share in SHARES:
+        ignored = told & (driven < share * asked)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], ignored.astype(int), [0]])))
+        for first, last in edges.reshape(-1, 2):
+            if time[last - 1] - time[first] >= LATEST + share * SLOWEST:
+                out |= _near(time, time[first], time[last - 1])
     return out
+
+
+def relocated(time: Array, poses: Array, speeds: Array) -> Array:
+    """Which rows (n,) lie beside a jump of the pose: farther than any command (n,) drives."""
+    steps = np.maximum(np.diff(time), 1e-9)
+    moved = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    largest = float(np.quantile(np.abs(speeds), 0.99))
+    jumps = moved > JUMP * largest * np.maximum(steps, 0.25 * WINDOW)
+    out = np.zeros(len(time), dtype=bool)
+    for row in np.flatnonzero(jumps):
+        out |= (time >= time[row] - 0.5 * WINDOW) & (time <= time[row + 1] + 0.5 * WINDOW)
+    return out
+
+
+def _near(time: Array, first: float, last: float) -> Array:
+    """Which times (n,) lie in a stretch, or so close to it that motors start or stop."""
+    near: Array = (time >= first - EASES) & (time <= last + EASES)
+    return near

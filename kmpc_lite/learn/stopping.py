@@ -11,7 +11,7 @@ instead.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,7 +93,7 @@ def aligned(dataset: Dataset, delay: float) -> Dataset:
             rows = np.arange(first, len(episode))
             newer, older = episode.inputs[rows - first + 1], episode.inputs[rows - first]
             late = newer + part * (older - newer)
-            episodes.append(Episode(episode.states[first:], late, episode.dt))
+            episodes.append(replace(episode, states=episode.states[first:], inputs=late))
     return Dataset(episodes)
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.dictionary.response import TERMS, evaluate_terms
 from kmpc_lite.types import Array
 
@@ -56,6 +57,8 @@ class Block:
     """Displacement over each window in that frame, along + i across [m], (S,) complex."""
     heading: Array
     """Turn over each window [rad], (S,)."""
+    curvatures: Array | None = None
+    """Of a car's commands, in the rows of `inputs`, (R,) [1/m]."""
 
 
 @dataclass(frozen=True)
@@ -118,11 +121,14 @@ def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int =
             start = stop
     together = -(-len(stretches) // most) if stretches else 1
     parts = [stretches[k : k + together] for k in range(0, len(stretches), together)]
-    blocks = tuple(_block(part, length, longest, dataset.dt) for part in parts)
+    steered = dataset.steered
+    blocks = tuple(_block(part, length, longest, dataset.dt, steered) for part in parts)
     return Windows(blocks, dataset.dt, length, longest)
 
 
-def _block(stretches: list[tuple[Array, Array]], length: int, longest: int, dt: float) -> Block:
+def _block(
+    stretches: list[tuple[Array, Array]], length: int, longest: int, dt: float, steered: bool
+) -> Block:
     """Geometry of stretches of states (T + 1, 3) with their commands (longest + T, 2)."""
     rows, turned, starts, frames, moves, headings = [], [], [], [], [], []
     first_row = first_period = 0
@@ -150,15 +156,19 @@ def _block(stretches: list[tuple[Array, Array]], length: int, longest: int, dt: 
         np.concatenate(frames),
         np.concatenate(moves),
         np.concatenate(headings),
+        np.concatenate([held_curvatures(u) for _, u in stretches]) if steered else None,
     )
 
 
 def answered_commands(block: Block, speed: Sequence[float], turn: Sequence[float]) -> Array:
     """Commands (T, 2) of a block after the motors' response, given its weights, newest first."""
     answered = np.zeros((len(block.rows), 2))
-    for column, weights in enumerate((speed, turn)):
+    second = block.inputs[:, 1] if block.curvatures is None else block.curvatures
+    for column, (weights, told) in enumerate(((speed, block.inputs[:, 0]), (turn, second))):
         for age, weight in enumerate(weights):
-            answered[:, column] += weight * block.inputs[block.rows - age, column]
+            answered[:, column] += weight * told[block.rows - age]
+    if block.curvatures is not None:
+        answered[:, 1] *= answered[:, 0]
     return answered
 
 

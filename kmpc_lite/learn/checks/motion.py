@@ -77,11 +77,12 @@ def _integrals(log: Log, time: Array) -> Array:
 
     Rows of a table keep their order where its clock steps back, for their commands are their own.
     """
+    told = log.commands.values[:, [0, -1]]  # an omni's speed to the left is no part of the checks
     if log.together:
         steps = np.maximum(np.diff(time), 0.0)[:, None]
-        return np.vstack([np.zeros(2), np.cumsum(log.commands.values[:-1] * steps, axis=0)])
+        return np.vstack([np.zeros(2), np.cumsum(told[:-1] * steps, axis=0)])
     order = np.argsort(log.commands.time, kind="stable")
-    when, held = log.commands.time[order], log.commands.values[order]
+    when, held = log.commands.time[order], told[order]
     sums = np.vstack([np.zeros(2), np.cumsum(held[:-1] * np.diff(when)[:, None], axis=0)])
     at = np.clip(np.searchsorted(when, time, side="right") - 1, 0, len(when) - 1)
     late = np.maximum(time - when[at], 0.0)
@@ -153,11 +154,12 @@ def tell_poses(log: Log, dt: float) -> list[str]:
 
 def _asked(log: Log, time: Array) -> Array:
     """Sizes of the commands that hold at each pose (n, 2)."""
+    told = np.abs(log.commands.values[:, [0, -1]])
     if log.together:
-        return np.abs(log.commands.values)
+        return told
     order = np.argsort(log.commands.time, kind="stable")
     at = np.searchsorted(log.commands.time[order], time, side="right") - 1
-    return np.abs(log.commands.values[order][np.maximum(at, 0)])
+    return told[order][np.maximum(at, 0)]
 
 
 def _tell_repeats(log: Log, dt: float, rows: Array, asked: Array) -> list[str]:

@@ -51,6 +51,15 @@ NAMES = {
         ("steering_angle", "delta", "steer", "steer_angle", "servo_angle", "drive_steering_angle"),
         ("steering_angle", "steering", "delta"),
     ),
+    "curvature": Names(("kappa", "curv", "cmd_curvature", "u_kappa"), ("curvature", "kappa")),
+    "servo": Names(
+        ("servo_position", "servo_pos", "servo1_raw", "servo_output", "rcou_c1", "steering_pwm"),
+        ("servo_position", "servo", "servo1_raw"),
+    ),
+    "lateral": Names(
+        ("v_y", "vy", "cmd_vy", "vy_cmd", "lateral_speed", "lateral_velocity", "linear_y"),
+        ("linear_y", "lateral"),
+    ),
     "lat": Names(("latitude", "gps_lat"), ("latitude", "lat")),
     "lon": Names(("longitude", "lng", "long", "gps_lon"), ("longitude", "lon", "lng")),
     **{
@@ -73,10 +82,15 @@ NAMES = {
 }
 """By our name; those of other kinds of robots are added here, in `KNOWN` and in `WAYS`."""
 QUATERNION = ("qx", "qy", "qz", "qw")
+STEERED = ("steering", "curvature", "servo")
+"""What steers a car."""
 WAYS = {
     "position": (("x", "y"), ("lat", "lon")),
     "heading": (("theta",), QUATERNION),
-    "command": (("v", "omega"), ("left", "right"), ("v", "steering")),
+    "command": (
+        *(("v", "omega"), ("left", "right")),
+        *(("v", steered) for steered in STEERED),
+    ),
 }
 """Columns that say the same; the first of which all are there are taken."""
 WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degrees/s": "deg/s"}
@@ -109,7 +123,7 @@ class Found:
     @property
     def command(self) -> tuple[str, ...]:
         """Columns of the commands; none if the table has none."""
-        way = _way("command", self.where.keys())
+        way = _commands(self.where.keys())
         return way if set(way) <= self.where.keys() else ()
 
     def shown(self, name: str) -> str:
@@ -170,7 +184,7 @@ def find_columns(
         elif places:
             several[name] = places
     there = found.keys() | several.keys()
-    commands = _way("command", there)
+    commands = _commands(there)
     pose = (*_way("position", there), *_way("heading", there))
     wanted = ("t", *pose) if poses else ("t", *commands)
     missing = [name for name in wanted if name not in there]
@@ -192,6 +206,12 @@ def _way(kind: str, there: Collection[str]) -> tuple[str, ...]:
     """Columns by which a table says a thing."""
     whole = (way for way in WAYS[kind] if all(name in there for name in way))
     return next(whole, WAYS[kind][0])
+
+
+def _commands(there: Collection[str]) -> tuple[str, ...]:
+    """Columns of the commands: of an omni the speed to the left, too."""
+    way = _way("command", there)
+    return ("v", "lateral", "omega") if way == ("v", "omega") and "lateral" in there else way
 
 
 def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, str]) -> list[int]:

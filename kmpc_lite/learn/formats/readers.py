@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.errors import DataError, did_you_mean
+from kmpc_lite.learn.formats.columns import STEERED
 from kmpc_lite.learn.formats.mcap import DRIVE, is_ours
 from kmpc_lite.learn.formats.tables import LARGEST
 from kmpc_lite.learn.logs import Log, ReadOptions, correct
+from kmpc_lite.learn.steering import as_car
 from kmpc_lite.reading import open_regular
 
 
@@ -78,7 +80,8 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -
         import_module(f"kmpc_lite.learn.formats.{module}"), name
     )
     try:
-        return correct(_usable(read(file, options), options), options)
+        log = correct(_usable(read(file, options), options), options)
+        return as_car(log, options.wheelbase) if log.columns[1] in STEERED else log
     except DataError:
         raise
     except (OSError, ValueError, OverflowError) as error:

@@ -9,15 +9,13 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import heading_of
+from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED, FIELDS, STEERED
 from kmpc_lite.learn.formats.columns import short
-from kmpc_lite.learn.formats.streams import Thinned
+from kmpc_lite.learn.formats.streams import Thinned, stamps_of
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
-from kmpc_lite.types import Array
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -27,7 +25,7 @@ TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 POSE_TYPES = (ODOMETRY, POSE, POSE_COVARIANCE, *TF)
 """In the order in which they are preferred."""
-COMMAND_TYPES = (TWIST, TWIST_STAMPED)
+COMMAND_TYPES = (TWIST, TWIST_STAMPED, *STEERED)
 TELLING = 5000
 """Messages between two looks at the progress."""
 OTHER = {
@@ -37,12 +35,10 @@ OTHER = {
 """Parts of names of topics that hold something else than the robot's pose, or its command."""
 MAX_METADATA = 2**24
 """Largest metadata.yaml that is read [bytes]."""
-USUAL = {"odom": ("/odom", "/odometry/filtered"), "cmd": ("/cmd_vel",)}
+USUAL = {"odom": ("/odom", "/odometry/filtered"), "cmd": ("/cmd_vel", "/drive")}
 """Names of topics that are preferred where several topics have the right type."""
 BODIES = ("base_footprint", "base_link", "base", "body", "chassis")
 """Frames of the robot in TF."""
-SAME_CLOCK = 1.0
-"""Stamps that differ by more than this from the time of recording come from another clock [s]."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +65,8 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
         notes.append("no commands are in the bag: the odometry's measured speeds stand in for them")
     if broken:
         notes.append(f"{broken} messages without an orientation or with NaN were left out")
-    return Log(str(path), poses, commands, False, measured, topics, tuple(notes))
+    kinds = ("v", "steering") if command.kind in STEERED else ("v", "omega")
+    return Log(str(path), poses, commands, False, measured, topics, tuple(notes), columns=kinds)
 
 
 @contextmanager
@@ -86,6 +83,8 @@ def _opened(path: Path) -> Iterator[tuple[Any, Callable[[bytes, str], Any]]]:
         store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
         for kind in set(TF) - store.types.keys():
             store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind))
+        for kind in set(FIELDS) - store.types.keys():
+            store.register(get_types_from_msg(FIELDS[kind], kind))
         with Reader1(path) if first else Reader2(path) as reader:
             yield reader, store.deserialize_ros1 if first else store.deserialize_cdr
     except (DataError, KeyboardInterrupt):
@@ -271,7 +270,10 @@ def _heading(q: Any) -> float:
 
 
 def _command(message: Any, kind: str) -> tuple[float, float, float]:
-    """Stamp, v and omega."""
+    """Stamp, v and omega, or v and a steering angle."""
+    if kind in STEERED:
+        drive = message.drive if kind == ACKERMANN_STAMPED else message
+        return _stamp(message), drive.speed, drive.steering_angle
     twist = message
     if kind == TWIST_STAMPED:
         twist = message.twist
@@ -288,12 +290,4 @@ def _series(path: Path, wanted: Wanted, samples: Thinned) -> Series:
             f"{path}: {wanted.topic}: {len(rows)} message(s) that can be used; expected at least 2"
         )
     frames = " {} -> {}".format(*wanted.frames) if wanted.frames else ""
-    return Series(_clock(rows), rows[:, 2:], f"{wanted.topic} ({wanted.kind}{frames})")
-
-
-def _clock(rows: Array) -> Array:
-    """Times of samples (n,) [s]."""
-    recorded, stamps = rows[:, 0], rows[:, 1]
-    if np.abs(stamps - recorded).max() < SAME_CLOCK and (np.diff(stamps) > 0.0).all():
-        return stamps
-    return recorded
+    return Series(stamps_of(rows), rows[:, 2:], f"{wanted.topic} ({wanted.kind}{frames})")

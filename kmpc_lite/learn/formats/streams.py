@@ -182,3 +182,15 @@ def local_metres(latitude: Array, longitude: Array) -> Array:
 def enu(rows: Array) -> Array:
     """Poses (n, 3) with x east from rows (n, 4) of time, north, east and yaw from north."""
     return np.column_stack([rows[:, 2], rows[:, 1], wrap(0.5 * np.pi - rows[:, 3])])
+
+
+SAME_CLOCK = 1.0
+"""Stamps that differ by more than this from the time of recording come from another clock [s]."""
+
+
+def stamps_of(rows: Array) -> Array:
+    """Times of samples (n,) [s]."""
+    recorded, stamps = rows[:, 0], rows[:, 1]
+    if np.abs(stamps - recorded).max() < SAME_CLOCK and (np.diff(stamps) > 0.0).all():
+        return stamps
+    return recorded

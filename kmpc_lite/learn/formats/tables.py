@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -37,12 +36,13 @@ from kmpc_lite.learn.logs import (
     parse_units,
     row_number,
 )
-from kmpc_lite.learn.steering import disobeyed, find_wheelbase
 from kmpc_lite.types import Array
 
 WRITTEN = (".csv", ".npz")
 MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
 """Most memory that an npz log may take [bytes]."""
+SIDEWAYS = 0.05
+"""Share of the largest speed ahead from which on a speed to the left is that of an omni."""
 LARGEST = 1e9
 """Largest number of a pose or a command [m, rad, m/s, rad/s]: differences of larger ones are lost
 to rounding, and their squares overflow."""
@@ -68,27 +68,28 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     columns, where, notes = _whole_rows(columns, found, where)
     _check(file, columns, found, where, options.force)
     units = _header_units(found, options)
-    if "steering" in columns:
-        columns, more = _as_turns(columns, found, options)
-        notes = (*notes, *more)
     poses = Series(columns["t"], _poses(columns, found, options), str(file))
     if options.commands is not None:
-        held, more = read_commands(options.commands, options)
-        poses = in_units(poses, ("x", "y", "theta"), units)
-        return Log(str(file), poses, held, notes=(*found.notes, *notes, *more), where=where)
-    held = Series(columns["t"], _commands(file, columns, found, options), str(file))
-    notes = (*found.notes, *notes)
-    log = Log(str(file), poses, held, together=True, notes=notes, where=where)
+        held, kinds, more = read_commands(options.commands, options)
+        poses, notes = in_units(poses, ("x", "y", "theta"), units), (*found.notes, *notes, *more)
+        return Log(str(file), poses, held, notes=notes, where=where, columns=kinds)
+    values, kinds, more = _commands(file, columns, found, options)
+    held = Series(columns["t"], values, str(file))
+    notes = (*found.notes, *notes, *more)
+    log = Log(str(file), poses, held, True, notes=notes, where=where, columns=kinds)
     return correct(log, ReadOptions(units=units))
 
 
-def read_commands(file: Path, options: ReadOptions) -> tuple[Series, tuple[str, ...]]:
-    """Read a table of commands alone; notes beside it."""
+def read_commands(
+    file: Path, options: ReadOptions
+) -> tuple[Series, tuple[str, ...], tuple[str, ...]]:
+    """Read a table of commands alone: what they are, and notes, beside it."""
     found, columns, where = _read_columns(file, options, poses=False)
     columns, where, notes = _whole_rows(columns, found, where)
     _check(file, columns, found, where, options.force)
-    held = Series(columns["t"], _commands(file, columns, found, options), str(file))
-    return in_units(held, ("v", "omega"), _header_units(found, options)), notes
+    values, named, more = _commands(file, columns, found, options)
+    held = Series(columns["t"], values, str(file))
+    return in_units(held, named, _header_units(found, options)), named, (*notes, *more)
 
 
 def _header_units(found: Found, options: ReadOptions) -> dict[str, str]:
@@ -147,50 +148,25 @@ def _poses(columns: dict[str, Array], found: Found, options: ReadOptions) -> Arr
     return np.column_stack([columns["x"], columns["y"], theta])
 
 
-def _commands(file: Path, columns: dict[str, Array], found: Found, options: ReadOptions) -> Array:
-    """Commands v and omega (n, 2), also of a left and a right wheel."""
-    if "steering" in columns and "omega" not in columns:
-        if options.wheelbase is None:
-            raise DataError(
-                f"{file}: commands are steering angles in a file without poses: --wheelbase M "
-                "tells how far apart the axles are"
-            )
-        (angles,) = _in_own_units(columns, ("steering",), found, options)
-        return np.column_stack([columns["v"], columns["v"] * np.tan(angles) / options.wheelbase])
-    if "left" not in columns:
-        return np.column_stack([columns["v"], columns["omega"]])
+def _commands(
+    file: Path, columns: dict[str, Array], found: Found, options: ReadOptions
+) -> tuple[Array, tuple[str, ...], tuple[str, ...]]:
+    """Commands (n, m), also of a left and a right wheel; what their numbers are, and notes."""
+    if found.command != ("left", "right"):
+        kinds, notes = found.command, list[str]()
+        largest = {name: np.abs(columns[name]).max() for name in kinds}
+        if "lateral" in kinds and largest["lateral"] < SIDEWAYS * largest["v"]:
+            kinds = ("v", "omega")
+            notes.append(f"{found.shown('lateral')} is next to nothing: this is no omni")
+        return np.column_stack([columns[name] for name in kinds]), kinds, tuple(notes)
     if options.track is None:
         raise DataError(
             f"{file}: commands are speeds of a left and a right wheel: --track M tells how far "
             "apart they are"
         )
     left, right = _in_own_units(columns, ("left", "right"), found, options)
-    return np.column_stack([0.5 * (left + right), (right - left) / options.track])
-
-
-def _as_turns(
-    columns: dict[str, Array], found: Found, options: ReadOptions
-) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Columns whose steering angles are turn rates, without what nobody obeyed; what to know."""
-    (angles,) = _in_own_units(columns, ("steering",), found, options)
-    poses, time = _poses(columns, found, options), columns["t"]
-    left_out = disobeyed(time, poses, columns["v"])
-    kept = {name: column[~left_out] for name, column in columns.items()}
-    angles = angles[~left_out]
-    wheelbase = options.wheelbase
-    if wheelbase is None:
-        wheelbase = find_wheelbase(time[~left_out], poses[~left_out], angles)
-    kept["omega"] = kept["v"] * np.tan(angles) / wheelbase
-    largest = float(np.abs(angles).max())
-    radius = abs(wheelbase) / math.tan(largest)
-    notes = [
-        f"a car: wheelbase {abs(wheelbase):.2f} m; it steers by at most {largest:.2f} rad, turning "
-        f'radius {radius:.2f} m: wheels = {{kind = "car", turning_radius = {radius:.2f}}}'
-    ]
-    if left_out.any():
-        steps = np.diff(time, prepend=time[0])
-        notes.append(f"{steps[left_out].sum():.0f} s of commands that nothing obeyed are left out")
-    return kept, tuple(notes)
+    both = np.column_stack([0.5 * (left + right), (right - left) / options.track])
+    return both, ("v", "omega"), ()
 
 
 def _in_own_units(

@@ -3,6 +3,9 @@
 A motor's answer is the command filtered by weights over its age, ``vbar = sum_j k_j v(k - j)``: a
 dead time and a time constant give the weights. What the robot does then is linear in a few terms of
 ``(vbar, omegabar)`` that vanish at rest.
+
+A car's motors answer a speed and a curvature: while it still rolls its steered wheels turn it,
+``omegabar = vbar sum_j k_j kappa(k - j)``.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import numpy as np
 
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, LiftedAsBase, dictionary_to_config
+from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.types import INPUTS, Array
 
 LINEAR = ("v", "omega")
@@ -50,6 +54,8 @@ class ResponseDictionary(LiftedAsBase):
         eps for v [m/s] and for omega [rad/s], > 0.
     limits : tuple of float
         Largest |v| [m/s] and |omega| [rad/s] that the slip terms follow.
+    steered : bool
+        Whether `turn` weighs the curvatures of a car's commands instead of their turn rates.
 
     Examples
     --------
@@ -70,6 +76,7 @@ class ResponseDictionary(LiftedAsBase):
         terms: Sequence[str] = LINEAR,
         smoothing: tuple[float, float] = (0.05, 0.05),
         limits: tuple[float, float] = (1e6, 1e6),
+        steered: bool = False,
     ) -> None:
         if base.history:
             raise ModelError("ResponseDictionary: its base must not have an input history itself")
@@ -86,6 +93,7 @@ class ResponseDictionary(LiftedAsBase):
             )
         self.smoothing = _two("smoothing", smoothing)
         self.limits = _two("limits", limits)
+        self.steered = bool(steered)
         self._history = max(len(self.speed), len(self.turn)) - 1
         # (1 + L, 2), newest first; the past ones oldest first too, as histories come
         self.kernel = np.zeros((1 + self._history, INPUTS))
@@ -106,6 +114,8 @@ class ResponseDictionary(LiftedAsBase):
 
     def answered(self, u: Array, history: Array | None = None) -> Array:
         """Filtered commands (vbar, omegabar), (..., 2): what the motors make of the commands."""
+        if self.steered:
+            return self._steered(u, history)[0]
         now: Array = u * self.kernel[0]
         if history is None or not self._history:
             return now
@@ -121,11 +131,40 @@ class ResponseDictionary(LiftedAsBase):
 
     def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array | None:
         """Differentiate `inputs`: (..., nw, 1 + L, 2), by the command of each age, newest first."""
-        slopes = differentiate_terms(self.answered(u, history), self.smoothing, self.limits)[
-            ..., self._columns, :
-        ]
+        if self.steered:
+            answered, by_command = self._steered(u, history)
+        else:
+            answered = self.answered(u, history)
+        slopes = differentiate_terms(answered, self.smoothing, self.limits)[..., self._columns, :]
         jac: Array = slopes[..., None, :] * self.kernel
+        if self.steered:
+            # omegabar follows v and omega, vbar follows v alone
+            jac[..., 1] = slopes[..., None, 1] * by_command[..., None, :, 1]
+            jac[..., 0] += slopes[..., None, 1] * by_command[..., None, :, 0]
         return jac
+
+    def _steered(self, u: Array, history: Array | None) -> tuple[Array, Array]:
+        """Filtered commands (..., 2) of a car, and what omegabar follows, (..., 1 + L, 2).
+
+        Slopes are those of curvatures that fade below the smoothing speed: they are finite at rest,
+        where a turn rate is followed as by any robot.
+        """
+        commands = u[..., None, :]
+        if self._history and history is not None:
+            commands = np.concatenate([history, commands], axis=-2)
+        curvatures = held_curvatures(commands)[..., ::-1]
+        speeds = commands[..., ::-1, 0]
+        count = curvatures.shape[-1]
+        kernel = self.kernel[:count]
+        v = (speeds * kernel[:, 0]).sum(axis=-1)
+        curvature = (curvatures * kernel[:, 1]).sum(axis=-1)
+        soft = self.smoothing[0] ** 2
+        shares = (v[..., None] * speeds + soft) / (speeds**2 + soft)
+        by_command = np.zeros((*v.shape, len(self.kernel), INPUTS))
+        by_command[..., :count, 1] = kernel[:, 1] * shares
+        by_command[..., :count, 0] = kernel[:, 0] * curvature[..., None]
+        by_command[..., :count, 0] -= kernel[:, 1] * curvatures * shares
+        return np.stack([v, v * curvature], axis=-1), by_command
 
     def config(self) -> dict[str, Any]:
         """Give base, weights, terms, smoothing and limits."""
@@ -136,6 +175,7 @@ class ResponseDictionary(LiftedAsBase):
             "terms": list(self.terms),
             "smoothing": list(self.smoothing),
             "limits": list(self.limits),
+            **({"steered": True} if self.steered else {}),
         }
 
 

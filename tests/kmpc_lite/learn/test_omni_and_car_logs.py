@@ -10,6 +10,7 @@ from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.learn.steering import disobeyed, find_wheelbase
+from kmpc_lite.model.dictionary import ResponseDictionary
 
 GAINS = np.array((1.1, 0.8, 0.9))
 
@@ -94,7 +95,7 @@ def test_steering_angles_become_turn_rates(tmp_path, name):
     every = np.concatenate([e.inputs for e in data.episodes])
     sharp = np.abs(every[:, 1]) / np.maximum(np.abs(every[:, 0]), 1e-3)
     assert np.quantile(sharp, 0.8) < np.tan(0.5) / 0.33
-    assert any("a car: wheelbase 0.33 m" in line for line in told)
+    assert any("a car; wheelbase 0.33 m" in line for line in told)
     model = kl.fit(data, lags="auto")
     turned = model.predict((0, 0, 0), (0.5, 0.5), np.tile((0.5, 0.5), (model.history, 1)))[2]
     assert turned == pytest.approx(0.05, rel=0.2)
@@ -106,4 +107,55 @@ def test_what_a_deadman_switch_holds_back_is_left_out_with_a_line(tmp_path):
     assert out[1020:1180].all() and out[:900].mean() < 0.02 and out[1300:].mean() < 0.02
     told: list[str] = []
     load_logs([written(tmp_path, rows)], 0.1, tell=told.append)
-    assert any("nothing obeyed are left out" in line for line in told)
+    assert any("nothing obeyed the commands" in line for line in told)
+
+
+def test_positions_of_a_servo_and_curvatures_need_no_wheelbase(tmp_path):
+    rows = car_rows()
+    curvature = np.tan(rows[:, 5]) / 0.33
+    for name, column in (("servo", 0.5 - 0.2 * curvature), ("curvature", curvature)):
+        rows[:, 5] = column
+        data = load_logs([written(tmp_path, rows, name)], 0.1)
+        assert data.steered
+        model = kl.fit(data, lags="auto")
+        turned = model.predict((0, 0, 0), (0.5, 0.5), np.tile((0.5, 0.5), (model.history, 1)))[2]
+        assert turned == pytest.approx(0.05, rel=0.2)
+        np.testing.assert_array_equal(
+            model.predict((1, 2, 3), (0, 0), np.zeros((model.history, 2))), (1, 2, 3)
+        )
+
+
+def test_a_robot_that_turns_where_it_stands_is_no_car(tmp_path):
+    random, pose, rows = np.random.default_rng(0), np.zeros(3), []
+    for k in range(1200):
+        if k % 15 == 0:
+            v, omega = random.uniform(-0.5, 1.0), random.uniform(-1.0, 1.0)
+        rows.append((0.05 * k, *pose, v, random.uniform(-0.5, 0.5)))
+        pose = pose + 0.05 * np.array((v * np.cos(pose[2]), v * np.sin(pose[2]), omega))
+    with pytest.raises(kl.DataError, match="otherwise than it is steered"):
+        load_logs([written(tmp_path, np.array(rows))], 0.1)
+
+
+def test_a_column_of_speeds_to_the_left_makes_an_omni_if_it_says_anything(tmp_path):
+    log = omni_log(episodes=1, steps=300).episodes[0]
+    time = 0.1 * np.arange(len(log))
+    for share, inputs in ((1.0, 3), (0.001, 2)):
+        table = np.column_stack([time, log.states[:-1], log.inputs * (1.0, share, 1.0)])
+        file = tmp_path / "omni.csv"
+        np.savetxt(file, table, delimiter=",", header="t,x,y,theta,v,vy,omega", comments="")
+        data = load_logs([file], 0.1, how=ReadOptions(force=True))
+        assert data.episodes[0].inputs.shape[1] == inputs and not data.steered
+
+
+def test_a_rolling_car_turns_as_its_wheels_are_steered():
+    late = ResponseDictionary(
+        kl.HermiteTrigDictionary(0), (0.5, 0.5), (0.3, 0.7), limits=(2.0, 2.0), steered=True
+    )
+    u, past = np.array((0.0, 0.0)), np.array([(1.0, 0.8)])
+    np.testing.assert_allclose(late.inputs(u, past), (0.5, 0.4))
+    np.testing.assert_array_equal(late.inputs(u, u[None]), (0.0, 0.0))
+    u, slopes = np.array((0.9, -0.4)), late.inputs_jacobian(np.array((0.9, -0.4)), past)
+    for column in range(2):
+        step = 1e-6 * np.eye(2)[column]
+        change = (late.inputs(u + step, past) - late.inputs(u - step, past)) / 2e-6
+        np.testing.assert_allclose(slopes[:, 0, column], change, atol=0.03)
