@@ -7,6 +7,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
+from kmpc_lite.learn.formats import ackermann
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.learn.steering import disobeyed, find_wheelbase
@@ -159,3 +160,39 @@ def test_a_rolling_car_turns_as_its_wheels_are_steered():
         step = 1e-6 * np.eye(2)[column]
         change = (late.inputs(u + step, past) - late.inputs(u - step, past)) / 2e-6
         np.testing.assert_allclose(slopes[:, 0, column], change, atol=0.03)
+
+
+def test_a_bag_with_steering_angles_is_a_cars(tmp_path):
+    rosbag2, typesys = (
+        pytest.importorskip("rosbags.rosbag2"),
+        pytest.importorskip("rosbags.typesys"),
+    )
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for kind in (ackermann.ACKERMANN, ackermann.ACKERMANN_STAMPED):
+        store.register(typesys.get_types_from_msg(ackermann.FIELDS[kind], kind))
+    types, names = store.types, ("nav_msgs/msg/Odometry", ackermann.ACKERMANN_STAMPED)
+    make = {kind.rpartition("/")[2]: made for kind, made in types.items()}
+    point, zero = make["Point"], make["Vector3"](0.0, 0.0, 0.0)
+    with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
+        odom, drive = (
+            writer.add_connection(name, kind, typestore=store)
+            for name, kind in zip(("/odom", "/drive"), names, strict=True)
+        )
+        for t, x, y, theta, v, angle in car_rows():
+            stamp = make["Time"](int(t), int(1e9 * (t % 1.0)))
+            turned = make["Quaternion"](0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
+            pose = make["PoseWithCovariance"](make["Pose"](point(x, y, 0.0), turned), np.zeros(36))
+            twist = make["TwistWithCovariance"](make["Twist"](zero, zero), np.zeros(36))
+            header = make["Header"](stamp, "odom")
+            sent = make["AckermannDriveStamped"](
+                header, make["AckermannDrive"](angle, 0.0, v, 0.0, 0.0)
+            )
+            for where, message in (
+                (odom, make["Odometry"](header, "base_link", pose, twist)),
+                (drive, sent),
+            ):
+                kind = where.msgtype
+                writer.write(where, int(1e9 * t), store.serialize_cdr(message, kind))
+    told: list[str] = []
+    data = load_logs([tmp_path / "bag"], 0.1, tell=told.append)
+    assert data.steered and any("a car; wheelbase 0.3" in line for line in told), told
