@@ -129,7 +129,7 @@ def course(
 
 
 def beyond(robot: Robot, goal: Pose) -> str:
-    """Say that a goal lies where the gate would stop the robot; empty where it does not."""
+    """Say that a goal lies where the gate would stop the robot; empty if it does not."""
     x_min, y_min, x_max, y_max = robot.gate.geofence or NO_AREA
     x, y, _ = goal
     if x_min <= x <= x_max and y_min <= y <= y_max:

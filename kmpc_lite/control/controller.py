@@ -41,7 +41,7 @@ class Controller:
         ramps by which the robot changes its speeds, or no faster changes, these limit `du_max`
         and `deceleration`.
     problem : NavigationProblem, optional
-        The paper's where not given.
+        The paper's if not given.
     guidance : bool or GuidanceOptions
         Whether, and how, to steer along a path around the obstacles, park and hold at the goal.
         Without it the goal itself is the reference, as in the paper. The problem's weights count
@@ -49,9 +49,9 @@ class Controller:
     tightening : {"learned", None}
         Whether to keep margins beyond the radii for what the model does not know; None: the paper.
     risk : float, optional
-        Probability that the margins are made for; `MarginOptions.risk` where not given.
+        Probability that the margins are made for; `MarginOptions.risk` if not given.
     adaptation : bool or OnlineAdaptation, optional
-        Whether to correct the model while driving. Where not given, it runs where there are learned
+        Whether to correct the model while driving. If not given, it runs where there are learned
         margins, the model is continuous, and its log shows no delay that it does not know.
         `adaptation.model` is the corrected model. An `OnlineAdaptation` must be made for `model`.
     pose_age : float
@@ -59,7 +59,7 @@ class Controller:
         as it is by how late the robot answers where the log shows more than the model.
     sqp_iterations : int, optional
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than
-        `tolerance`. Where not given: 1, or more where the robot turns far in a period.
+        `tolerance`. If not given: 1, or more where the robot turns far in a period.
     tolerance : float
         Change of the plan from pass to pass below which no more passes are run.
     time_budget : float, optional
@@ -71,9 +71,9 @@ class Controller:
     options : ControllerOptions, optional
         Everything else that can be tuned.
     planner : Planner, optional
-        Finds the paths of the guidance, in metres and seconds; one of ours where not given.
+        Finds the paths of the guidance, in metres and seconds; one of ours if not given.
     compiled : bool, optional
-        Whether the numeric functions of a step run in C: where not given, if they were built.
+        Whether the numeric functions of a step run in C: if not given, if they were built.
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
@@ -188,7 +188,7 @@ class Controller:
             walls and grids are prepared in the first step that sees them. A scan is seen from `x`.
         sent : array_like, optional
             Mean command (2,) of the past period if it was not the last plan's: from a gate with
-            acceleration limits, or a pilot. NaN if nobody knows it.
+            acceleration limits, or a pilot. NaN if it is not known.
 
         Returns
         -------
@@ -270,7 +270,7 @@ class Controller:
             errors.carry_over(self._state.innovation, before.expected_errors)
 
     def _learn(self, seen: Observation) -> str:
-        """Adapt to the past period; return why the model cannot be used, empty where it can."""
+        """Adapt to the past period; return why the model cannot be used, empty if it can."""
         if self.adaptation is None:
             return ""
         before, scale = self._state.history.driven, self.scale

@@ -24,7 +24,7 @@ class Insight:
     """What the controller had in mind beside its plan."""
 
     path: Array
-    """(K, 2) points of the path that guidance follows [m]; (0, 2) where there is none."""
+    """(K, 2) points of the path that guidance follows [m]; (0, 2) if there is none."""
     margins: Array
     """(N,) what stages 1 to N of the plan keep from obstacles beyond the radii [m], in the
     direction in which that is most."""

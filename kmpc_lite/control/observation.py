@@ -45,7 +45,7 @@ class Observation:
     sent: Array | None
     """(2,) what was really sent in the past period, where the caller says so."""
     refusal: str = ""
-    """Why the step cannot be planned; empty where it can."""
+    """Why the step cannot be planned; empty if it can."""
     pose_is_known: bool = True
     """Whether the measured pose is plausible."""
     here: Array = field(default_factory=lambda: np.zeros(STATES))
@@ -125,7 +125,7 @@ class Admission:
         """
         pose, target, command = step_numbers(x, goal, sent, self._scale.inputs)
         if command is not None and not is_plausible(command):
-            command = np.full(len(command), np.nan)  # nobody knows what was sent
+            command = np.full(len(command), np.nan)  # what was sent is not known
         refusal = too_many(obstacles, self._most)
         circles, solids, scans = self._scene.sort(state, () if refusal else obstacles)
         scale, pose_is_known = self._scale, is_plausible(pose)

@@ -113,7 +113,7 @@ class Plan:
     reason: str = ""
     """Why the status is not SOLVED, or the progress not DRIVING or HOLDING, in words."""
     reachable: bool = True
-    """Whether there is a path to the goal, as far as guidance can tell; where there is none the
+    """Whether there is a path to the goal, as far as guidance can tell; if there is none the
     robot waits at a safe place."""
     holding: bool = False
     """Whether the robot has parked at its goal and stands there."""

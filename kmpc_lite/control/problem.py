@@ -54,13 +54,13 @@ class NavigationProblem:
         Period [s].
     Q, R : array_like, optional
         Weights of state (3,) and command (2,), or full positive semidefinite matrices. With
-        guidance the state's weigh the distance from the guided reference. Where not given they are
+        guidance the state's weigh the distance from the guided reference. If not given they are
         the default of the controller's mode (`kmpc_lite.control.units`): without guidance the
         paper's.
     Q_terminal : array_like, optional
         Weight of the last state. With guidance it counts by the share of the plan that is at the
-        goal; where not given it follows from Q and how fast the robot turns. Without guidance it
-        is zero where not given, as in the paper.
+        goal; if not given it follows from Q and how fast the robot turns. Without guidance it
+        is zero if not given, as in the paper.
     u_min, u_max : array_like
         Command bounds (2,) [m/s, rad/s]; they contain zero, since braking must be allowed.
     x_min, x_max : array_like
@@ -71,21 +71,21 @@ class NavigationProblem:
     margin : float
         Distance to obstacles beyond the radii [m]; the paper has none.
     deceleration : array_like, optional
-        How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2]. Where not given it follows
+        How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2]. If not given it follows
         the robot's size and speed: 1 m/s^2 and 4 rad/s^2 at 0.15 m and 0.6 m/s.
     du_max : array_like
-        How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the
+        How fast commands may change (2,) [m/s^2, rad/s^2]; infinite if not given, as in the
         paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more; of
         a robot that brakes less hard than it speeds up, give the smaller one in both.
     track, max_wheel_speed : float
         Distance between the wheels [m] and how fast one turns at its rim [m/s], for robots whose
-        wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite where not
+        wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite if not
         given: the command bounds alone.
     sensor_range : float, optional
         How far from the robot's edge all obstacles are told [m]: the robot stays able to stop
-        within. Where not given, all of them are told always; a `LaserScan` has its own reach.
+        within. If not given, all of them are told always; a `LaserScan` has its own reach.
     goal_tolerance : array_like, optional
-        How near to its goal a robot has arrived, and stays (2,) [m, rad]. Where not given, a tenth
+        How near to its goal a robot has arrived, and stays (2,) [m, rad]. If not given, a tenth
         of its radius and 0.05 rad. Both grow with the noise of the poses that the model knows of.
     footprint : Footprint, optional
         What the robot covers on the floor, where that is no circle about its pose.
@@ -93,7 +93,7 @@ class NavigationProblem:
         What the wheels let the robot do: a car turns by ``|omega| <= |v| / turning_radius`` only.
     slack_weights : array_like, optional
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
-        or leaving the area. Where not given, 100 and 1000 for a robot of 0.15 m, less for larger
+        or leaving the area. If not given, 100 and 1000 for a robot of 0.15 m, less for larger
         ones. The penalty is exact while the linear weight exceeds the constraint's
         multiplier.
 
@@ -240,7 +240,7 @@ class NavigationProblem:
 
     @property
     def weights(self) -> tuple[Array, Array, Array]:
-        """Q (3, 3), R (2, 2), Q_terminal (3, 3): the paper's where not given."""
+        """Q (3, 3), R (2, 2), Q_terminal (3, 3): the paper's if not given."""
         return (
             np.diag(GOAL_Q) if self.Q is None else self.Q,
             np.diag(np.array(GOAL_R)[list(self.wheels.axes)]) if self.R is None else self.R,

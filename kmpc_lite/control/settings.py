@@ -150,9 +150,9 @@ def choose_adaptation(
     scale: Scale,
     options: AdaptationOptions,
 ) -> OnlineAdaptation | None:
-    """What learns while driving; by default where there are margins and the model is continuous.
+    """What learns while driving; by default if there are margins and the model is continuous.
 
-    Nor does it by default where the robot answers later than the model knows: it would take the
+    Nor does it by default if the robot answers later than the model knows: it would take the
     delay for gains.
 
     Raises

@@ -33,11 +33,11 @@ class Verified(NamedTuple):
     """A solver's answer after its checks."""
 
     trajectory: Trajectory | None
-    """What the next step is warm started from; None where the answer is of no use."""
+    """What the next step is warm started from; None if the answer is of no use."""
     motion: Array | None
     """(T, 2) from the coming command to rest; None: the plan must not be driven."""
     reason: str
-    """What is wrong; empty where nothing is."""
+    """What is wrong; empty if nothing is."""
 
 
 class Verification:

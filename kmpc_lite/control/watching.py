@@ -1,4 +1,4 @@
-"""What changes around the robot: what scans show, who moves, and poses that jump."""
+"""What changes around the robot: what scans show, what moves, and poses that jump."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Watching:
             from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
 
             state.scans = ScanWatchState()
-        # what is carried along moves, and is neither somebody nor a scanner that hangs
+        # what is carried along moves, and is neither a pedestrian nor a scanner that hangs
         scans = self._sight.without_robot(seen.scans)
         seen.scans, blind = self._scans.see(state.scans, scans, seen.measured)
         seen.refusal = seen.refusal or blind

@@ -55,7 +55,7 @@ class Car:
         rear axle, wheelbase over the tangent of the largest steering angle.
     steering_rate : float, optional
         How fast the curvature can change [1/m per second]: twice the largest one, over the time
-        from lock to lock. Where not given, at once.
+        from lock to lock. If not given, at once.
     reverse : bool
         Whether it may drive backwards.
 

@@ -65,7 +65,7 @@ class CompiledController:
     Raises
     ------
     ProblemError
-        For a folder that holds no export, of another format, or where no compiler is.
+        For a folder that holds no export, of another format, or if there is no compiler.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:

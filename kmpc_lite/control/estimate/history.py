@@ -105,7 +105,7 @@ class CommandHistory:
             self.curvature = turn_rate / speed
 
     def correct(self, command: Array, problem: NavigationProblem) -> None:
-        """Put what was really sent, NaN where nobody knows, in the place of the last command."""
+        """Put what was really sent, NaN if nobody knows, in the place of the last command."""
         if not np.isfinite(command).all():
             self.driven = None
             return

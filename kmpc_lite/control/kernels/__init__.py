@@ -80,7 +80,7 @@ NUMPY = Kernels(
 
 
 def compiled_kernels() -> Kernels | None:
-    """The kernels in C; None where no compiler has built them."""
+    """The kernels in C; None if no compiler has built them."""
     try:
         from kmpc_lite.control.kernels import compiled, compiled_scan
     except ImportError:
@@ -101,7 +101,7 @@ def choose_kernels(compiled: bool | None) -> Kernels:
     Raises
     ------
     ProblemError
-        Where C is asked for and was not built.
+        If C is asked for and was not built.
     """
     found = None if compiled is False else compiled_kernels()
     if found is not None:

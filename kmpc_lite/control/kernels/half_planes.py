@@ -117,7 +117,7 @@ def nearest_half_planes(
     Returns
     -------
     normals, offsets : ndarray
-        (N, slots, 2 or 3); (N, slots) [m], minus infinity where a slot is not needed.
+        (N, slots, 2 or 3); (N, slots) [m], minus infinity if a slot is not needed.
     """
     stages, kinds = clearances.shape
     if kinds > slots:

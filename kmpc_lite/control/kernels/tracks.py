@@ -1,7 +1,7 @@
 """Circles that are followed: a Kalman filter of many at once, and which of them is seen as which.
 
 A state is x, y, vx, vy and the turn rate of the velocity. Accelerations are white; a turn rate
-fades to zero, since nobody turns for ever. What is seen is the position.
+fades to zero, since nothing turns for ever. What is seen is the position.
 
 Sizes: M tracks, at most 200; N circles.
 """
@@ -102,7 +102,7 @@ def follow(
     after[:, UNSEEN] += dt
     after[rows, UNSEEN] = 0.0
     after[rows, RADIUS], after[rows, GIVEN] = circles[columns, 2], circles[columns, 3:]
-    # two sightings may be two circles; who turns on the spot moves on
+    # two sightings may be two circles; one that turns on the spot moves on
     differ = (after[:, SEEN] > 1.5 * dt) & _differ(states, covariances, after[:, GIVEN], chance)
     after[:, MOVING] = moved | differ
     found = np.full(len(circles), -1, dtype=np.intp)

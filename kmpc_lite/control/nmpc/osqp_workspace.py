@@ -248,7 +248,7 @@ class OSQPWorkspace:
         return ""
 
     def _cost(self, Px: Array | None) -> Array | None:
-        """Entries of P for the next solve, those of the setup where not given; None if not finite.
+        """Entries of P for the next solve, those of the setup if not given; None if not finite.
 
         Raises
         ------

@@ -232,7 +232,7 @@ class NavigationQP:
         return x, variables[STATES * n : (STATES + self.inputs) * n].reshape(n, self.inputs).copy()
 
     def duals_in_the_open(self) -> Array:
-        """Multipliers (m,) where no obstacle is near: only slacks are pressed, by their penalty."""
+        """Multipliers (m,) if no obstacle is near: only slacks are pressed, by their penalty."""
         y = np.zeros(self.row_count)
         y[self.slack_rows] = -float(self.problem.slack_weights[0]) / SLACK_SCALE
         return y

@@ -35,7 +35,7 @@ class QPSolution(NamedTuple):
     y: Array
     """(m,) multipliers: positive at an upper bound, negative at a lower one."""
     iterations: int
-    """Zero where the solver does not tell."""
+    """Zero if the solver does not tell."""
     primal_residual: float
     dual_residual: float
     reason: str
@@ -94,7 +94,7 @@ class QPSolver(Protocol):
         x, y : ndarray
             Warm start (n,), (m,); one that is not finite is replaced by zeros.
         Px : ndarray, optional
-            All stored entries of P, in CSC order; those of the setup where not given.
+            All stored entries of P, in CSC order; those of the setup if not given.
         time_limit : float, optional
             When to stop [s]; what there is by then comes back as STOPPED_EARLY.
 

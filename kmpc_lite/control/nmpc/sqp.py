@@ -52,7 +52,7 @@ CONVERGED = OSQPOptions(
 """For passes to convergence, whose steps become as small as their tolerance."""
 EXACT_PENALTY = 10.0
 """Passes to convergence weigh slack by this many times more: above the multipliers of all that a
-plan can pass by, so that slack is used only where there is no way without. One pass a period does
+plan can pass by, so that slack is used only if there is no way without. One pass a period does
 with less, which is solved sooner: the next period mends what it leaves."""
 LEAST_SHARE = 0.1
 """Least share of a step that a pass goes."""

@@ -15,7 +15,7 @@ class GuidanceOptions:
     wide_clearance: float = radii(0.4)
     """Clearance beyond the problem's margin that a path keeps where it can [radii]."""
     narrow_clearance: float = radii(0.2)
-    """Clearance that is tried where no path keeps the wide one [radii]."""
+    """Clearance that is tried if no path keeps the wide one [radii]."""
     switch_time: float = seconds(0.5)
     """A path that passes an obstacle on another side than before is taken only where it is quicker
     by this time [s] ..."""
@@ -64,7 +64,7 @@ class GoalOptions:
     leave_angle: float = angle(0.05)
     """... or when the averaged heading is wrong by more than this [rad] ..."""
     pushed_distance: float = radii(0.05 / 0.15)
-    """... or when one single pose is farther away than this: somebody pushed it [radii] ..."""
+    """... or when one single pose is farther away than this: it was pushed [radii] ..."""
     pushed_angle: float = angle(0.15)
     """... or when one single heading is wrong by more than this [rad]."""
     averaging_time: float = seconds(0.5, zero=False)

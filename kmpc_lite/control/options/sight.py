@@ -43,7 +43,7 @@ class ObstacleOptions:
 
 
 USUAL_OBSTACLES = ObstacleOptions()
-"""What polygons and grids are held to where nothing else is asked for."""
+"""What polygons and grids are held to if nothing else is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +69,8 @@ class SightOptions:
     """How long the robot drives on while scans tell nothing new [s, by the clock: scanners have
     their own pace]; then it stops until they do."""
     emerging_speed: float = speed(0.0)
-    """Speed at which somebody may step out of what the robot does not see now [m/s]; zero: nobody
-    does."""
+    """Speed at which a pedestrian may step out of what the robot does not see now [m/s]; zero:
+    none does."""
 
     def __post_init__(self) -> None:
         check(self)
@@ -96,11 +96,11 @@ class TrackerOptions:
     """How long a track lasts unseen [s], and at most as long as it was seen."""
     spread: float = share(3.0)
     """Standard deviations of its velocity by which a circle that was seen to move grows, up to the
-    robot's radius: whether somebody comes or not must not block the way."""
+    robot's radius: whether a pedestrian comes or not must not block the way."""
 
     begins: float = seconds(0.85)
-    """How long a cluster must have left the place where it was to be somebody [s]; a third of it
-    where it comes to what was seen to be free."""
+    """How long a cluster must have left the place where it was to be a pedestrian [s]; a third of
+    it where it comes to what was seen to be free."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -73,7 +73,7 @@ that five poses count at the least: how much noise is left hangs on how many the
 def widened(limits: GoalTolerances, longer: float, wider: float) -> GoalTolerances:
     """Distances so many times as long and angles as wide, but for the path's.
 
-    Who is pushed is so beyond them.
+    A robot that is pushed is so beyond them.
     """
     distance, angle = longer * limits.leave_distance, wider * limits.leave_angle
     return replace(

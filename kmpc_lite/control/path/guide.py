@@ -73,7 +73,7 @@ class Guide:
     clock : callable
         Gives the time [s] that `until` is on.
     planner : Planner, optional
-        Finds paths, in the robot's units; the one of tangents and lattices where not given.
+        Finds paths, in the robot's units; the one of tangents and lattices if not given.
     """
 
     def __init__(

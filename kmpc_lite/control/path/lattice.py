@@ -71,7 +71,7 @@ class Search(NamedTuple):
     """Of the whole lattice, from a goal."""
 
     cost: Array
-    """(n,) of every node to the goal [m]; infinite where no way is known."""
+    """(n,) of every node to the goal [m]; infinite if no way is known."""
     towards: NDArray[np.int32]
     """(n,) the node that comes next."""
 
@@ -158,7 +158,7 @@ class Lattice:
         return path
 
     def _path(self, task: LatticeTask, search: Search) -> LatticePath | None:
-        """The path from the start, pulled straight; None where there is none."""
+        """The path from the start, pulled straight; None if there is none."""
         begin, end = self._node(task.start), self._node(task.goal)
         if not np.isfinite(search.cost[begin]):
             return None

@@ -94,7 +94,7 @@ class MovingObstacles:
         self._table, self._times, self._options = table, table.times, table.options
 
     def stays(self, waited: float) -> bool:
-        """Whether a robot has stood so long [s] that whom it lets pass is not about to pass."""
+        """Whether a robot has stood so long [s] that what it lets pass is not about to pass."""
         return waited > self._options.look_ahead
 
     def where_met(self, pose: Array, waited: float = 0.0) -> Array:
@@ -206,7 +206,7 @@ class MovingObstacles:
         last = np.ptp(clearance) + np.abs(clearance).max()
         if self._area is not None:
             outside = np.maximum(self._area[0] - positions, positions - self._area[1]).max(axis=2)
-            # who stands outside need not go farther
+            # a robot that stands outside need not go farther
             allowed = max(float(outside[0, 0]), 0.0) + TOUCH_SHARE * self._options.clearance
             clearance[outside.max(axis=1) > allowed] -= last
         if self._solids is None:

@@ -101,7 +101,7 @@ class PathRequest:
     inflation: float
     """Half the robot's width and its margin: how near its middle may come to obstacles [m]."""
     area: Array
-    """(2, 2) least and largest x, y of the robot; infinite where it is open [m]."""
+    """(2, 2) least and largest x, y of the robot; infinite if it is open [m]."""
     forward: Array
     """(2,) speed [m/s] and rate of turn [rad/s] ahead."""
     backward: Array

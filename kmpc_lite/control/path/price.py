@@ -65,7 +65,7 @@ def look_times(
 ) -> tuple[float, float]:
     """How long the robot stops on its way to look, driving forwards, and backwards [s].
 
-    Where no scanner looks in the direction in which it drives, it turns round to look, and back,
+    If no scanner looks in the direction in which it drives, it turns round to look, and back,
     each time it has come to the end of what it saw: that is as far as plans lead.
     """
     known = request.known

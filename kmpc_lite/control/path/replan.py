@@ -37,7 +37,7 @@ REFRESH_INTERVAL = 3.0
 """Longest time after which a path is looked for on the map of scans as it is then [s]: what was in
 the way may have gone."""
 RETRY_INTERVAL = 0.5
-"""Time between two searches where there is no path [s]."""
+"""Time between two searches if there is no path [s]."""
 MOVED_DISTANCE = 0.01
 """How far an obstacle may be from where it was expected before a new path is looked for [m]."""
 SETTLED_SHARE = 0.4
@@ -251,7 +251,7 @@ class PathWatch:
         """How long the robot drives on while a path is looked for [s].
 
         As long as searches take, or half as long where something stands on the path before that;
-        not at all where it stands nearer, or where nothing is seen.
+        not at all where it stands nearer, or if nothing is seen.
         """
         view, path = now.view, state.path
         if view is None or path is None or state.turning:

@@ -43,7 +43,7 @@ class GuideTask(NamedTuple):
     """Pose (3,) at which the robot would stand if it braked now; where it is, if not given."""
     until: float = math.inf
     """When to leave a search that is needed at once to the next step [s], on the guide's clock; the
-    old path is kept meanwhile, and where there was none the robot stands."""
+    old path is kept meanwhile, and if there was none the robot stands."""
     view: View | None = None
     """What scans have shown: another path is looked for where that stands on the one driven."""
     speed: float = 0.0
@@ -157,7 +157,7 @@ class Surveyor:
             return None
         inflation = self._inflation + swing(state.turning_centre)
         speed = capabilities.evasive
-        # who walks as he is told to is driven past as ever
+        # one that moves as given is driven past as ever
         area = self._area if some_spread(circles) else None
         return MovingObstacles(circles, inflation, speed, self._table, task.solids, area)
 
@@ -176,7 +176,7 @@ class Guidance(NamedTuple):
     """(K, 2) points of the path from where it was planned to the goal [m]; the place to wait where
     there is none."""
     time_left: float
-    """Until the goal is reached [s]; infinite where it cannot be."""
+    """Until the goal is reached [s]; infinite if it cannot be."""
     refreshed: bool
     """Whether a new path was found in this step, or that there is none."""
     switched: bool
@@ -198,7 +198,7 @@ def wait_in_sight(
 ) -> None:
     """Let the reference (N + 1, 3) wait where it would lead into what is not known.
 
-    A plan that is drawn farther than it may go is solved badly. A robot that waits where no
+    A plan that is drawn farther than it may go is solved badly. A robot that waits if no
     scanner looks turns round to look.
 
     Parameters
@@ -210,7 +210,7 @@ def wait_in_sight(
     now : Situation
         Robot, and what scans have shown.
     known : float
-        How far from the robot everything is told [m]; infinite where it always is.
+        How far from the robot everything is told [m]; infinite if it always is.
     body : float
         Distance that the robot keeps from what is unknown [m].
     turn : float

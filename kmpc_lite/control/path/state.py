@@ -36,7 +36,7 @@ class Search:
     lead: float
     """How long after the search began the robot is to be where the path begins [s]."""
     refusal: str = ""
-    """Why the robot cannot stand at its goal; empty where it can, as nearly always."""
+    """Why the robot cannot stand at its goal; empty if it can, as nearly always."""
     goal_clearance: float = math.inf
     """What the goal leaves beyond the problem's margin [m]."""
     only_tells: str = ""

@@ -40,7 +40,7 @@ NO_EDGES = np.empty((0, 2), dtype=np.intp)
 
 
 def way_out(request: PathRequest) -> Array | None:
-    """Pose (3,) to which a round robot deep in a margin drives first; None where it is not.
+    """Pose (3,) to which a round robot deep in a margin drives first; None if it is not.
 
     It lies straight ahead or behind once the robot has turned.
     """

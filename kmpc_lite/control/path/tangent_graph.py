@@ -89,11 +89,11 @@ class PathQuery:
     edges: Array
     """(S, 2) pairs of circles of one radius, between which a path must not pass either."""
     area: Array
-    """(4,) xmin, ymin, xmax, ymax that arcs must not leave [m]; infinite where open."""
+    """(4,) xmin, ymin, xmax, ymax that arcs must not leave [m]; infinite if open."""
     speed: Array
     """(2,) largest speed [m/s] and rate of turn [rad/s]."""
     backward_share: float = 1.0
-    """How fast the robot drives backwards, as a share of forwards; 0 where it may not."""
+    """How fast the robot drives backwards, as a share of forwards; 0 if it may not."""
     lattice_path: LatticePath | None = None
     """Path through a grid's many corners, which tells the few that matter."""
     look_times: tuple[float, float] = (0.0, 0.0)

@@ -48,7 +48,7 @@ class TimedPath:
         How far a wheel drives for each radian that the robot turns [m], and its fastest speed
         [m/s].
     deceleration : float
-        With which the drive ends [m/s^2]; infinite where the robot stands at once.
+        With which the drive ends [m/s^2]; infinite if the robot stands at once.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class TimedPath:
     def times_after(self, place: float, later: Array) -> Array:
         """Times on the path of a robot that is at a place [s] and drives on, braking at the end.
 
-        On its times alone a path ends at full speed: whoever brakes before it has braked too late.
+        On its times alone a path ends at full speed: one that brakes before it has braked too late.
 
         Parameters
         ----------

@@ -48,7 +48,7 @@ def turning_centre(model: MotionModel, problem: NavigationProblem) -> Array | No
     Returns
     -------
     ndarray or None
-        (2,) ahead and to the left [m]; None where it is the pose itself, or where the motion is no
+        (2,) ahead and to the left [m]; None if it is the pose itself, or where the motion is no
         turn about a point.
 
     Examples

@@ -53,7 +53,7 @@ class SafeMotion(NamedTuple):
     inputs: Array
     """(N, 2), whose first is the coming command."""
     commands: Array | None
-    """(T, 2) from the coming command to rest; None where no motion is clear."""
+    """(T, 2) from the coming command to rest; None if no motion is clear."""
     slowed: bool = False
     """Whether the coming command is not the plan's."""
 

@@ -38,7 +38,7 @@ class OccupancyGrid:
     threshold : float
         A cell with this value or more is occupied.
     unknown_is_free : bool
-        Whether the robot may drive where nothing is known.
+        Whether the robot may drive if nothing is known.
     limits : ObstacleOptions
         How many cells it may have, and how small and how ragged they may be.
 

@@ -56,7 +56,7 @@ class LaserScan:
     age : float
         How much older than the pose the last beam is [s].
     time_increment : float
-        From beam to beam [s]; zero where all beams count as of one moment.
+        From beam to beam [s]; zero if all beams count as of one moment.
     self_radius : float
         Hits nearer than this to the robot's centre are the robot itself [m]: its mast, its arm.
         What lies behind them is unknown. The controller counts hits within the robot's radius as
@@ -187,7 +187,7 @@ class LaserScan:
 
     @property
     def reach(self) -> Array:
-        """How far each beam saw nothing, (B,) [m]: zero where it tells nothing."""
+        """How far each beam saw nothing, (B,) [m]: zero if it tells nothing."""
         return self._told[2]
 
     @property

@@ -49,7 +49,7 @@ def _holds_prepared(obstacles: Sequence[object]) -> bool:
 
 
 def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
-    """Say of which obstacles a step looks at fewer than are given; nothing where it bears them.
+    """Say of which obstacles a step looks at fewer than are given; nothing if it bears them.
 
     Told by their numbers alone, before any of them is looked at.
     """

@@ -16,7 +16,7 @@ from kmpc_lite.control.options.sight import TrackerOptions
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.tracks import Follower, Tracks
-from kmpc_lite.control.world.walkers import clusters, who_walks
+from kmpc_lite.control.world.walkers import clusters, walking_tracks
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
 from kmpc_lite.types import Array
@@ -103,7 +103,7 @@ class ObstacleTracker:
         return [Circle(*row) for row in np.vstack([array, rest]).tolist()]
 
     def see(self, scan: LaserScan, pose: ArrayLike) -> list[Circle]:
-        """Find who walks in the scan of a period; instead of `update`.
+        """Find the pedestrians that walk in the scan of a period; instead of `update`.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class ObstacleTracker:
             raise ValueError(f"pose: expected shape (3,), got {here.shape}")
         found = clusters(scan, here, self._follower.radius)
         self.follow(found)
-        known, _ = who_walks(self.tracks, self._follower, [scan], [here])
+        known, _ = walking_tracks(self.tracks, self._follower, [scan], [here])
         return [Circle(*row) for row in self.tracks.circles[known].tolist()]
 
     def follow(self, circles: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What is round: circles as given, what was seen of them, those out of reach, and who walks.
+"""What is round: circles as given, what was seen of them, those out of reach, and pedestrians.
 
 As long as every circle is where its velocity says, to rounding, nothing is done. Else all are
 followed (`tracks`) until they do as given again, and those that move otherwise get the velocity
@@ -34,14 +34,14 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.sight.local_map import LocalMap
 from kmpc_lite.control.world.tracks import GIVEN, SCANNED, Follower, TrackedCircles, stand
-from kmpc_lite.control.world.walkers import clusters, was_free, who_walks
+from kmpc_lite.control.world.walkers import clusters, walking_tracks, was_free
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-6
 """How far from its place a circle may be that moves as given: single precision [radii]."""
 SAME_PLACE = 0.01
 """A circle that is given so near to where it was is the same one [m]."""
-NOBODY = np.empty((0, COLUMNS))
+NONE_MOVING = np.empty((0, COLUMNS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class Tracking:
         scans : sequence of LaserScan
             Seen from the pose.
         pose : ndarray, optional
-            (3,) of the robot; nothing is told to be within reach if nobody knows it.
+            (3,) of the robot; if it is unknown, nothing counts as within reach.
         before : LocalMap, optional
             What the scans before have shown.
         noise : float
@@ -111,13 +111,13 @@ class Tracking:
         Returns
         -------
         Around
-            Its things are the very same array where all do as given and nobody walks.
+            Its things are the very same array if all do as given and no pedestrian walks.
         """
         last = state.things
         things, as_given = self._given_again(state, given, pose, noise, driven)
         if as_given and not (scans or len(state.tracks)):
             state.things = things
-            return Around(things, 0, NOBODY)
+            return Around(things, 0, NONE_MOVING)
         taken = [] if pose is None else [self._taken_at(scan, pose, before) for scan in scans]
         seen = self._clusters(scans, taken, things)
         follows = not (as_given and state.tracks.scanned.all())
@@ -163,17 +163,17 @@ class Tracking:
         pose: Array | None,
         before: LocalMap | None,
     ) -> Around:
-        """Add who walks, as scans show it."""
+        """Add the pedestrians that walk, as scans show them."""
         tracks = state.tracks
         chosen = np.flatnonzero(tracks.scanned)
         if not len(chosen) or pose is None:
-            return Around(things, 0, NOBODY)
+            return Around(things, 0, NONE_MOVING)
         own = tracks.take(chosen)
         free = None if before is None else (lambda p: was_free(before, p, pose[:2]))
-        known, perhaps = who_walks(own, self._follower, scans, taken, free)
+        known, perhaps = walking_tracks(own, self._follower, scans, taken, free)
         tracks.rows[chosen] = own.rows
         if not len(known) and not len(perhaps):
-            return Around(things, 0, NOBODY)
+            return Around(things, 0, NONE_MOVING)
         walking = self._follower.things(own.take(known))
         if len(things):
             walking = _elsewhere(walking, things)

@@ -91,7 +91,7 @@ class Tracks:
     def walked(self) -> Array:
         """(M,) for how long scans have shown each to leave its place [s].
 
-        Less again where nothing has told of it lately.
+        Less again if nothing has told of it lately.
         """
         return self.rows[:, rows_of.WALKED]
 

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 GAP = 1.0
 """Distance between neighbouring hits beyond which another cluster begins [radii]."""
 LARGEST = 3.0
-"""Radius of the largest cluster that may be somebody [radii]."""
+"""Radius of the largest cluster that may be a pedestrian [radii]."""
 WINDOW = 1.0
-"""Time over which a cluster's way counts [s]: who has walked and stands for so long is a thing
+"""Time over which a cluster's way counts [s]: one that stands for so long is a thing
 again."""
 SURE = 3.0
-"""How many times as much a step of somebody counts who comes to where it was seen to be free."""
+"""How many times as much a step counts that leads to where it was seen to be free."""
 STRAYED = 0.5
-"""How far a cluster must have moved to be somebody, in its own radii: what is seen of a post
+"""How far a cluster must have moved to be a pedestrian, in its own radii: what is seen of a post
 changes with the place that it is seen from."""
 BEHIND = 1.5
 """How far behind its middle a cluster must have been free, too, in cells: a wall is none."""
@@ -65,7 +65,7 @@ def clusters(
     return circles
 
 
-def who_walks(
+def walking_tracks(
     tracks: Tracks,
     follower: Follower,
     scans: Sequence[LaserScan],
@@ -74,12 +74,12 @@ def who_walks(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Find the tracks that walk, in scans that were taken at poses (3,).
 
-    Whoever walks has left the place where he was: it is seen to be free, or hidden behind himself.
-    What is seen of a wall also seems to move as the robot does, but the wall is still there, and
-    mostly nothing was free where it seems to come to, as `was_free` tells of places (M, 2).
-    Whoever was seen to walk does so until nothing has told of it for a window: two who walk side by
-    side, or past each other, are one cluster for a while. Who comes to where it was free may walk
-    though he is not seen to leave a place: somebody follows him, or he is near and hides it.
+    A pedestrian that walks has left its place: that is seen to be free, or hidden behind it. What
+    is seen of a wall also seems to move as the robot does, but the wall is still there, and mostly
+    nothing was free where it seems to come to, as `was_free` says of places (M, 2). A pedestrian
+    counts as walking until nothing has confirmed it for a window: two that walk side by side, or
+    past each other, are one cluster for a while. One that comes to where it was free may walk
+    though it is not seen to leave a place: another follows it, or it is near and hides it.
 
     Returns
     -------
@@ -111,10 +111,10 @@ def who_walks(
         ]
         walks[here] = np.any(left, axis=0)
         if was_free is not None:
-            # he may walk over what was seen of himself
+            # it may walk over what was seen of itself
             comes[here] = was_free(rows[here, :2])
             faster[here] = np.where(comes[here], SURE, 1.0)
-    # who is hidden walks on for as long as he was seen to
+    # a hidden pedestrian walks on for as long as it was seen to
     longer = np.minimum(tracks.walked + faster * dt, begins + WINDOW)
     times = np.where(is_seen, longer, tracks.walked)
     times = np.where(walks, times, np.where(knew, tracks.walked - dt, 0.0))
@@ -138,21 +138,21 @@ def _has_left(
     beam = told[(along @ np.stack([x, y])).argmax(axis=0)]
     distance = np.hypot(x, y)
     passed = scan.reach[beam] > distance + rows[:, 2]
-    # who comes nearer hides where he was: the beam ends at himself, well before that place
+    # one that comes nearer hides where it was: the beam ends at it, well before that place
     ends = scan.ends[beam]
     ends = np.stack(rotate(ends[:, 0], ends[:, 1], heading), axis=1) + pose[:2]
-    at_himself = np.hypot(*(ends - rows[:, :2]).T) < rows[:, 2] + gap
+    at_itself = np.hypot(*(ends - rows[:, :2]).T) < rows[:, 2] + gap
     way = np.hypot(*(rows[:, :2] - before).T)
     well_before = scan.reach[beam] < distance - rows[:, 2] - 0.5 * way
-    found: NDArray[np.bool_] = passed | (at_himself & well_before)
+    found: NDArray[np.bool_] = passed | (at_itself & well_before)
     return found
 
 
 def was_free(before: LocalMap | None, places: Array, robot: Array) -> NDArray[np.bool_]:
     """Whether cells at places (M, 2), and behind them as seen from the robot, were seen free.
 
-    Whoever comes nearer hides where his middle is: the cells there were free until he was seen in
-    front of them, which is no longer than a window ago.
+    A pedestrian that comes nearer hides where its middle is: the cells there were free until it was
+    seen in front of them, which is no longer than a window ago.
     """
     if before is None:
         return np.zeros(len(places), dtype=bool)

@@ -59,7 +59,7 @@ def read_board(file: Path) -> Board:
     Raises
     ------
     DataError
-        Where that is something else.
+        If that is something else.
     """
     try:
         told = json.loads(read_bytes(file, LARGEST))

@@ -26,7 +26,7 @@ def test_a_goal_out_of_reach_is_told_with_the_first_plan(nominal: kl.KoopmanMode
 DOOR = [kl.Wall(0.0, -2.0, 0.0, -0.4), kl.Wall(0.0, 0.4, 0.0, 2.0)]
 
 
-def test_who_walks_in_the_only_way_does_not_make_the_goal_unreachable(
+def test_a_pedestrian_in_the_only_way_does_not_make_the_goal_unreachable(
     nominal: kl.KoopmanModel,
 ) -> None:
     """It may be free a moment later; behind a wall it is not, whoever walks elsewhere."""

@@ -160,7 +160,7 @@ def scanned(pose: Array, k: int) -> kl.LaserScan:
     return kl.LaserScan(np.where(ranges > 4.0, np.inf, ranges), 0.0, math.tau / BEAMS, 4.0)
 
 
-def test_who_walks_is_found_in_scans_alone_and_let_pass() -> None:
+def test_pedestrians_are_found_in_scans_alone_and_let_pass() -> None:
     controller = kl.Controller(kl.nominal_unicycle(DT))
     pose, plant, gap, found = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, 0
     for k in range(66):
@@ -193,7 +193,7 @@ def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) 
     assert tracks is not None and tracks.walked.max() >= TrackerOptions().begins
 
 
-def test_masts_on_the_robot_are_nobody_who_walks() -> None:
+def test_masts_on_the_robot_are_no_pedestrians() -> None:
     controller, plant = (
         kl.Controller(kl.nominal_unicycle(DT)),
         kmpc_lab.DifferentialDrive(0.05, seed=1),

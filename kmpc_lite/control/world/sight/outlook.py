@@ -61,7 +61,7 @@ class Outlooks:
         halves = self._rows[:, 3]
         some = len(halves) > 0 and float(halves.max()) < math.pi
         self.is_narrow = some and bool((self.beyond(ends) > 0.0).any())
-        """Whether there are directions in which none looks; not where there is none at all."""
+        """Whether there are directions in which none looks; not if there is none at all."""
 
     def beyond(self, directions: Array) -> Array:
         """How far directions (n,) in the robot's frame lie beyond what is seen, (n,) [rad]."""

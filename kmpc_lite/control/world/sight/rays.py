@@ -65,7 +65,7 @@ class Rays:
             self.turn = 1.0, 0.0
             x, y = x - self.origin[0], y - self.origin[1]
             reach = np.where(scan.unknown, 0.0, np.hypot(x, y))
-            # where nothing is known of a beam's end, something is of its direction
+            # if nothing is known of a beam's end, something is of its direction
             directions = np.where(scan.unknown, poses[:, 2] + scan.directions, np.arctan2(y, x))
             nearest, aside = _nearest_beams(directions)
         failed = np.isnan(scan.ranges) & counted(scan.layout, scan.ignore)

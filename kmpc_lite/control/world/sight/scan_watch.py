@@ -87,7 +87,7 @@ class ScanWatch:
         scans : tuple of LaserScan
             Without those that came before, from elsewhere.
         reason : str
-            Why the robot must not drive on; empty where it sees, or never had a scan.
+            Why the robot must not drive on; empty if it sees, or never had a scan.
         """
         if not scans and not state.last:
             return (), ""

@@ -27,7 +27,7 @@ from kmpc_lite.types import Array
 
 WORLD = OccupancyGrid([[0]], 1.0)
 """A grid in the world's own frame, for rectangles that belong to none."""
-NOBODY = np.empty((0, COLUMNS))
+NONE_MOVING = np.empty((0, COLUMNS))
 CELL_NOISE = 2.0
 """Least side of a cell, as a multiple of the standard deviation of the ranges."""
 MAP_REACH = 2.0
@@ -105,7 +105,7 @@ class Sight:
         scans: Sequence[LaserScan],
         pose: Array,
         pose_noise: float,
-        moving: Array = NOBODY,
+        moving: Array = NONE_MOVING,
     ) -> LocalMap | None:
         """Bring the map up to date.
 

@@ -39,11 +39,11 @@ class View:
         """Whether there are directions in which no scanner looks."""
         self._seen = sight.seen(here, pose)
         self.hits: Nearby | None = None
-        """What was hit near the robot; none where nothing was."""
+        """What was hit near the robot; none if nothing was."""
         if self._seen.hits:
             self.hits = NOTHING.with_boxes(self._seen.hits)
         self.unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
-        """What was not seen to be free near the robot; none where all was."""
+        """What was not seen to be free near the robot; none if all was."""
         self.coarseness = math.sqrt(2.0) * here.cell
         """How far cells may stand out of what was hit in them."""
 

@@ -114,7 +114,7 @@ def _places(filled: Array) -> Array:
 
 
 def of_places(name: str, places: Array, length: float = 0.0) -> Cylinders | None:
-    """The course of the challenge through cylinders (M, 2); None where there is no way through.
+    """The course of the challenge through cylinders (M, 2); None if there is no way through.
 
     A length of 0 stands for that of the shortest way through.
     """

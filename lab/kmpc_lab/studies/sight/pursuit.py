@@ -105,7 +105,7 @@ class Pursuit:
 def cost_to_go(free: Array, goal: tuple[int, int]) -> Array:
     """Lengths in cells (R, C) of the shortest ways over free neighbours (R, C) to a cell.
 
-    Infinite where there is none.
+    Infinite if there is none.
     """
     cost, _ = _dijkstra(free, int(np.ravel_multi_index(goal, free.shape)))
     return cost.reshape(free.shape)

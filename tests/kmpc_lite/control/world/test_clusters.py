@@ -15,7 +15,7 @@ from kmpc_lite.control.world.sight.sight import Sight
 from kmpc_lite.control.world.tracker import ObstacleTracker
 from kmpc_lite.control.world.tracking import Tracking
 from kmpc_lite.control.world.tracks import TrackedCircles
-from kmpc_lite.control.world.walkers import clusters, who_walks
+from kmpc_lite.control.world.walkers import clusters, walking_tracks
 from kmpc_lite.scale import Scale
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
@@ -70,7 +70,7 @@ def test_nothing_is_found_in_an_empty_scan() -> None:
         assert clusters(scan, np.zeros(3), 0.15).shape == (0, 5)
 
 
-def test_who_walks_is_found_among_posts_by_a_robot_that_drives() -> None:
+def test_pedestrians_are_found_among_posts_by_a_robot_that_drives() -> None:
     random, tracker, pose = np.random.default_rng(2), ObstacleTracker(DT), np.zeros(3)
     found, wrong = 0, 0
     for k in range(50):
@@ -101,7 +101,7 @@ def test_pieces_of_walls_do_not_walk_when_a_robot_drives_by() -> None:
     assert walking <= 3
 
 
-def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> None:
+def test_a_pedestrian_walks_until_nothing_has_confirmed_it_for_a_second() -> None:
     tracker, pose = ObstacleTracker(DT), np.zeros(3)
     for k in range(20):
         scan = look(np.array([[1.2, 0.06 * k - 1.2, 0.25, 0.0, 0.0]]), pose)
@@ -110,7 +110,7 @@ def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> No
     tracks, known = tracker.tracks, []
     for _ in range(15):
         tracks.rows[:, MOVING] = 0.0
-        known.append(len(who_walks(tracks, tracker._follower, [scan], [pose])[0]))
+        known.append(len(walking_tracks(tracks, tracker._follower, [scan], [pose])[0]))
     assert all(known[:9]) and not any(known[10:])
 
 
@@ -126,7 +126,9 @@ def test_who_comes_to_where_it_was_free_may_walk_though_somebody_is_where_he_was
     tracks, follower = tracker.tracks, tracker._follower
     tracks.rows[:, WALKED] = 0.0
     here = [scan], [pose]
-    known, perhaps = who_walks(tracks, follower, *here, lambda places: np.full(len(places), free))
+    known, perhaps = walking_tracks(
+        tracks, follower, *here, lambda places: np.full(len(places), free)
+    )
     assert not len(known)
     assert (tracks.states[perhaps, 1] > 0.8).any() == free
 
