@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import distances, later
+from kmpc_lite.control.kernels.clearance import later
 from kmpc_lite.control.knowledge import Knowledge
-from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.path.situation import GuideTask
@@ -47,7 +46,6 @@ class Guiding:
     def __init__(self, units: NavigationProblem, guide: Guide | None) -> None:
         self._guide, self._dt = guide, units.dt
         self._inflation, self._stages = units.inflation, units.horizon + 1
-        self._radius = units.robot_radius
         self._rates = RateLimit(units)
 
     def reference(
@@ -95,25 +93,6 @@ class Guiding:
             states = np.concatenate([led[:-1], states])[: len(states)]
         kept = state.guide.kept_on_the_way(states, self._inflation)
         return guidance._replace(states=states, path_clearance=kept)
-
-    def parts(self, guess: Trajectory | None, reference: Array, seen: Observation) -> bool:
-        """Whether something stands between the ends of a plan and of its reference.
-
-        No pass leads from one side of it to the other.
-        """
-        if guess is None:
-            return False
-        (x, y), half = reference[-1, :2] - guess.states[-1, :2], 0.5 * self._radius
-        apart = math.hypot(x, y)
-        if apart <= self._radius:
-            return False
-        shares = np.linspace(0.0, 1.0, 2 + math.ceil(apart / half))[:, None]
-        points = guess.states[-1, :2] + shares * (x, y)
-        then = np.full(len(points), (self._stages - 1) * self._dt)
-        least = distances(seen.things, points, then).min(axis=1, initial=math.inf)
-        if seen.nearby:
-            np.minimum(least, seen.nearby.least(points), out=least)
-        return bool(least.min() < half)
 
     def towards_goal(self, state: ControllerState, seen: Observation) -> Array:
         """Give the goal itself as the reference (N + 1, 3), as in the paper, without guidance."""

@@ -199,12 +199,6 @@ class Pipeline:
         qp = self._sqp.qp
         last = None if guidance is not None and guidance.switched else state.trajectory
         guess, least = one_period_later(qp, last, seen.here), 1
-        if (
-            guess is not None
-            and guidance is not None
-            and self._guiding.parts(guess, task.reference, seen)
-        ):
-            guess = None
         if guess is None and guidance is None and self._sqp.iterations > 1:
             # straight to the goal may lead through obstacles, and passes end where they began
             guess = at_rest(qp, seen.here)

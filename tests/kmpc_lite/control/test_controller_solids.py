@@ -11,7 +11,6 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.world.solids import Solids
@@ -246,19 +245,3 @@ def test_solids_count_with_every_option(
         least = min(least, plan.clearance)
     # without margins it cuts in by millimetres, as the paper's controller does
     assert least > (0.0 if "tightening" not in options else -0.03)
-
-
-@pytest.mark.parametrize(
-    ("end", "parted"),
-    [((1.4, 0.0, 0.0), True), ((0.6, 0.4, 0.0), False), ((0.65, 0.0, 0.0), False)],
-)
-def test_a_plan_on_the_other_side_of_a_wall_than_its_reference_is_no_start(
-    end: tuple[float, float, float], parted: bool
-) -> None:
-    controller = kl.Controller(kl.nominal_unicycle(0.1))
-    wall, goal = kl.Wall(1.0, -0.5, 1.0, 0.5), (0.6, 0.0, 0.0)
-    seen = controller._admission.admit(controller.state.scene, (0.5, 0.0, 0.0), goal, [wall], None)
-    controller._pipeline.estimate(controller.state, seen, controller.known)
-    stages = controller.problem.horizon + 1
-    guess = Trajectory(np.tile(goal, (stages, 1)), np.zeros((stages - 1, 2)), np.zeros(0))
-    assert controller._pipeline._guiding.parts(guess, np.tile(end, (stages, 1)), seen) is parted
