@@ -27,7 +27,7 @@ ATTACK_TIME, RELEASE_TIME, FADING_PERIOD = 0.5, 1.0, 0.1
 than the last count as this, so that five innovations count at the least, and ten as they shrink."""
 UNKNOWN_INFLATION = 3.0
 """The floor is unknown if errors are more than this many times as large as the model expects."""
-FORGETTING_TIME = 3.0
+FORGETTING_TIME = 10.0
 """Memory of that mean while nothing is learned of the floor, for the robot stands or creeps [s]: a
 robot that stands for what it once felt would never find out."""
 DRIFT_FADING, DRIFT_THRESHOLD = 0.8, 6.0

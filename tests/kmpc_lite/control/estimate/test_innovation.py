@@ -157,6 +157,6 @@ def test_what_was_felt_is_forgotten_while_the_robot_stands():
     for _ in range(10):
         wary.observe(sharp, 0.0, np.zeros(2))
     assert felt > 3.0 and 0.5 * felt < wary.inflation < felt
-    for _ in range(200):
+    for _ in range(800):
         wary.observe(sharp, 0.0, np.zeros(2))
     assert wary.inflation == 1.0
