@@ -143,8 +143,8 @@ def add_loop_options(add: Callable[..., object]) -> None:
         "--latency",
         type=float,
         metavar="S",
-        help="control.latency: from the wire to the wheels [s] "
-        "(default: 0; 0.2 of an autopilot with a model without lags)",
+        help="control.latency: from wire to wheels [s] "
+        "(default: 0; 0.2 for an autopilot if the model has no lags)",
     )
     add(
         "--realtime",
@@ -164,8 +164,8 @@ def add_course_options(add: Callable[..., object]) -> None:
         "--trust-model",
         action="store_true",
         default=None,
-        help="drive with a model although it is another vehicle's, of another period, or learned "
-        "from slower driving",
+        help="drive even if the model has another vehicle or period, or was learned from slower "
+        "driving",
     )
     held = "how long the goal must be held [s] (default: 1)"
     add("--settle", type=positive, metavar="S", default=1.0, help=held)

@@ -105,7 +105,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
     add(
         "--vehicle",
         metavar="NAME",
-        help="name of the vehicle; kmpc run refuses the model for one of another name",
+        help="vehicle's name; kmpc run refuses the model if names differ",
     )
 
 
