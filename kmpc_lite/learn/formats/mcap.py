@@ -207,7 +207,7 @@ def _message(content: bytes, channels: dict[int, Channel]) -> Found:
         raise ValueError("a message that is too short")
     channel, _, time, _ = MESSAGE.unpack_from(content)
     if channel not in channels:
-        raise ValueError(f"a message of the channel {channel}, that was not announced")
+        raise ValueError(f"a message of channel {channel}, which was not announced")
     return Found(channels[channel].topic, time, content[MESSAGE.size :])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from tests.helpers.cars import car_problem, drive_car
 
 FOUR = [
@@ -61,7 +62,7 @@ def test_a_plan_steers_no_faster_than_the_wheels():
 
 def test_it_says_that_there_is_no_room_to_turn():
     walls = [kl.Wall(-2, 0.25, 2, 0.25, 0.02), kl.Wall(-2, -0.25, 2, -0.25, 0.02)]
-    problem = car_problem(wheels=kl.Car(0.4, reverse=False))
+    problem = car_problem(wheels=kl.Car(0.4, reverse=False), **AREA)
     controller = kl.Controller(MODEL, problem)
     for _ in range(400):
         plan = controller.step((-1, 0, 0), (1, 0, np.pi), walls)

@@ -132,8 +132,8 @@ def test_what_scans_showed_is_forgotten_where_poses_stay_elsewhere(
         controller.step(pose, GOAL, [scan], sent=(0.0, 0.0))
     seen = controller.state.seen
     assert seen is not None
-    there = seen.window(np.array([0.0, -wall]), 0.1)
-    assert bool((seen.state[there] > 0).any()) == comes_back
+    top, bottom, left, right = seen.window(np.array([0.0, -wall]), 0.1)
+    assert bool((seen.state[top:bottom, left:right] > 0).any()) == comes_back
 
 
 def test_an_unknown_command_ends_a_doubt_and_what_scans_showed() -> None:

@@ -86,7 +86,7 @@ def test_a_file_that_was_cut_anywhere_is_read_up_to_its_last_whole_piece() -> No
         (MAGIC + record(Op.FOOTER, b"") + MAGIC, "without a header"),
         (MAGIC + record(Op.HEADER, struct.pack("<I", 2**31)), "ends too soon"),
         (pieces()[0].replace(b"kmpc", b"ros2", 1), "the profile 'ros2'"),
-        (pieces()[0] + record(Op.MESSAGE, struct.pack("<HIQQ", 9, 1, 0, 0)), "nothing is told"),
+        (pieces()[0] + record(Op.MESSAGE, struct.pack("<HIQQ", 9, 1, 0, 0)), "was not announced"),
         (pieces()[0] + record(Op.MESSAGE, b"1"), "too short"),
         (pieces()[0] + pieces()[2].replace(b'"n":3', b'"n":4'), "damaged"),
         (pieces()[0] + pieces()[1][:20] + 2**7 * b"\xff" + pieces()[1][20:], "too soon"),
