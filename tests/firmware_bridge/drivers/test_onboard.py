@@ -215,6 +215,8 @@ def test_a_program_that_hangs_is_started_anew(rig, program):
     """A debugger writes a loop without end into it; its watchdog has it stand."""
     rig.connect()
     assert until(lambda: rig.driver.send(0.2, 0.0) or not rig.stands)
+    # later than any clock that begins anew shows at first
+    assert until(lambda: rig.driver.telemetry.uptime > 1.0)
     ask = ["arm-none-eabi-nm", program]
     names = subprocess.run(ask, capture_output=True, text=True, check=True).stdout.splitlines()
     (place,) = (line.split()[0] for line in names if line.endswith(" kmpc_host_tick"))
