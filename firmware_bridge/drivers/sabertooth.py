@@ -1,23 +1,20 @@
 """Sabertooth and SyRen over packet serial (Dimension Engineering's manuals): commands only.
 
 Nothing is heard of such a board: neither whether it is there, nor how the wheels turn. The pose
-must come from
-outside (`link.pose`), which also shows whether the robot follows its commands.
+must come from outside (`link.pose`), which also shows whether the robot follows its commands.
 """
 
 from __future__ import annotations
 
 import math
-import threading
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
+from firmware_bridge.drivers.ticking import TickingDriver
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, check
 
 BAUDING = b"\xaa"
 """Sets the speed of boards that find it out; others pass over it."""
@@ -67,7 +64,7 @@ class SabertoothOptions:
             raise ConfigError(f"second_address: expected another than address, got {self.address}")
 
 
-class SabertoothDriver:
+class SabertoothDriver(TickingDriver):
     """Two motors, by power.
 
     Parameters
@@ -80,6 +77,8 @@ class SabertoothDriver:
         Addresses, full speed, watchdog.
     """
 
+    board, options_type, tick = "Sabertooth", SabertoothOptions, TICK
+
     def __init__(
         self, transport: Transport, geometry: WheelGeometry, options: SabertoothOptions
     ) -> None:
@@ -88,31 +87,19 @@ class SabertoothDriver:
                 f"board.full_speed: expected at least geometry.max_wheel_speed "
                 f"({geometry.max_wheel_speed:g} m/s), got {options.full_speed:g}"
             )
-        self._transport, self._geometry, self._options = transport, geometry, options
+        super().__init__(transport, geometry)
+        self._options = options
         wheel = options.full_speed / geometry.wheel_radius
         self._full = abs(geometry.to_channels(wheel, wheel)[0])
         self._watchdog = math.ceil(round(options.watchdog / TIMEOUT_UNIT, 6))
-        self._lock = threading.Condition()
         self._command, self._wheels = (0, 0), (0.0, 0.0)
-        self._stamp = -math.inf
-        self._released, self._closing, self._started = False, False, False
-        self._thread: threading.Thread | None = None
+        self._stamp = self._reminded = -math.inf
         self._links = -1
         self._counters = dict.fromkeys(("stale_commands", "refused_commands", "setups"), 0)
 
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> SabertoothDriver:
-        """Build it from a robot file's sections; ConfigError names a wrong key."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        options = from_table(SabertoothOptions, table.get("board", {}), "board")
-        return cls(transport, geometry, options)
-
     def connect(self, timeout: float) -> None:
         """Open the link and stop the motors; whether a board is there is unknown."""
-        self._transport.start(lambda data, stamp: None)
-        self._started = True
-        self._thread = threading.Thread(target=self._run, name="bridge-sabertooth", daemon=True)
-        self._thread.start()
+        self._start(lambda data, stamp: None)
         with self._lock:
             if not self._lock.wait_for(lambda: self._counters["setups"] > 0, timeout):
                 raise LinkError(f"Sabertooth: {self._transport.last_error or 'the link is down'}")
@@ -134,12 +121,6 @@ class SabertoothDriver:
                 return
             self._set(self._power(first), self._power(second), wheels)
 
-    def stop(self) -> None:
-        """Zero, and nothing but zero until zero is commanded."""
-        with self._lock:
-            self._released = True
-            self._set(0, 0, (0.0, 0.0))
-
     def health(self) -> LinkStatus:
         """What is known: whether the link is open."""
         now, connected = time.monotonic(), self._transport.connected
@@ -154,19 +135,6 @@ class SabertoothDriver:
             faults=() if connected or not trouble else (trouble,),
             counters={**self._transport.counters, **self._counters},
         )
-
-    def close(self) -> None:
-        """Zero as the last word, then close the link; idempotent."""
-        with self._lock:
-            if self._closing:
-                return
-            self._closing = True
-            self._lock.notify_all()
-        if self._thread is not None:
-            self._thread.join()
-        if self._started:
-            self._set(0, 0, (0.0, 0.0))
-        self._transport.close()
 
     def _power(self, turns_per_second: float) -> int:
         share = turns_per_second / self._full
@@ -195,23 +163,20 @@ class SabertoothDriver:
             BAUDING + b"".join(packet(a, TIMEOUT, self._watchdog) for a in addresses)
         )
 
-    def _run(self) -> None:
-        reminded = -math.inf
-        with self._lock:
-            while not self._closing:
-                now, links = time.monotonic(), self._transport.counters["reconnects"]
-                if self._transport.connected:
-                    if links != self._links or now - reminded >= REMIND:
-                        reminded, self._links = now, links
-                        self._set_up()
-                        self._counters["setups"] += 1
-                        self._lock.notify_all()
-                    if (
-                        self._command != (0, 0)
-                        and now - self._stamp > self._options.command_timeout
-                    ):
-                        self._counters["stale_commands"] += 1
-                        self._command, self._wheels = (0, 0), (0.0, 0.0)
-                    if self._command == (0, 0):
-                        self._write()  # a repeated zero; anything else is for the gate to repeat
-                self._lock.wait(TICK)
+    def _halt(self) -> None:
+        self._set(0, 0, (0.0, 0.0))
+
+    def _remind(self, now: float) -> None:
+        links = self._transport.counters["reconnects"]
+        if not self._transport.connected:
+            return
+        if links != self._links or now - self._reminded >= REMIND:
+            self._reminded, self._links = now, links
+            self._set_up()
+            self._counters["setups"] += 1
+            self._lock.notify_all()
+        if self._command != (0, 0) and now - self._stamp > self._options.command_timeout:
+            self._counters["stale_commands"] += 1
+            self._command, self._wheels = (0, 0), (0.0, 0.0)
+        if self._command == (0, 0):
+            self._write()  # a repeated zero; anything else is for the gate to repeat

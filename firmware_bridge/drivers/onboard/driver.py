@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,10 +24,11 @@ from firmware_bridge.drivers.onboard.messages import (
     velocity,
 )
 from firmware_bridge.drivers.onboard.task import Task, task_of
+from firmware_bridge.drivers.ticking import TickingDriver
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError, LinkStatus, State
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, check
 
 TICK = 0.1
 """Between heartbeats [s]: the board stops without any for 0.5 s."""
@@ -50,7 +50,7 @@ class OnboardOptions:
         check(self)
 
 
-class OnboardDriver:
+class OnboardDriver(TickingDriver):
     """The near end of a link to `host.c` of an export.
 
     `send` has the board drive at a speed, as any motor controller; `drive_to` has it drive by
@@ -66,14 +66,14 @@ class OnboardDriver:
         How long speeds hold.
     """
 
+    board, options_type, tick = "Onboard", OnboardOptions, TICK
+
     def __init__(
         self, transport: Transport, geometry: WheelGeometry, options: OnboardOptions
     ) -> None:
-        self._transport, self._geometry, self._options = transport, geometry, options
-        self._lock = threading.Condition()
+        super().__init__(transport, geometry)
+        self._options = options
         self._frames = decoder()
-        self._thread: threading.Thread | None = None
-        self._closing = self._started = self._released = False
         self._command, self._stamp = (0.0, 0.0), -math.inf
         self._task: Task | None = None
         self._pose: tuple[float, float, float] | None = None
@@ -86,19 +86,9 @@ class OnboardDriver:
         self.telemetry: Telemetry | None = None
         """The newest one."""
 
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> OnboardDriver:
-        """Build it from a robot file's sections; ConfigError names a wrong key."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        options = from_table(OnboardOptions, table.get("board", {}), "board")
-        return cls(transport, geometry, options)
-
     def connect(self, timeout: float) -> None:
         """Open the link, and ask the board what it is; LinkError if it does not answer."""
-        self._transport.start(self._on_bytes)
-        self._started = True
-        self._thread = threading.Thread(target=self._run, name="bridge-onboard", daemon=True)
-        self._thread.start()
+        self._start(self._on_bytes)
         with self._lock:
             known = self._lock.wait_for(
                 lambda: self.about is not None and self._clock.known, timeout
@@ -184,12 +174,6 @@ class OnboardDriver:
         """End an emergency stop: the board has then heard nothing, and stands."""
         self._transport.write(message(Kind.RELEASE))
 
-    def stop(self) -> None:
-        """Zero, and nothing but zero until zero is commanded."""
-        with self._lock:
-            self._released, self._task = True, None
-            self._set(0.0, 0.0)
-
     def health(self) -> LinkStatus:
         """What is known of the board."""
         now, told = time.monotonic(), self.telemetry
@@ -211,19 +195,9 @@ class OnboardDriver:
             | {"bad_frames": self._frames.bad},
         )
 
-    def close(self) -> None:
-        """Zero as the last word, then close the link; idempotent."""
-        with self._lock:
-            if self._closing:
-                return
-            self._closing = True
-            self._lock.notify_all()
-        if self._thread is not None:
-            self._thread.join()
-        if self._started:
-            self._task = None
-            self._set(0.0, 0.0)
-        self._transport.close()
+    def _halt(self) -> None:
+        self._task = None
+        self._set(0.0, 0.0)
 
     def _set(self, v: float, omega: float) -> None:
         self._command, self._stamp = (v, omega), time.monotonic()
@@ -243,13 +217,7 @@ class OnboardDriver:
                     self._counters["refused"] += 1
                 self._lock.notify_all()
 
-    def _run(self) -> None:
-        with self._lock:
-            while not self._closing:
-                self._beat(time.monotonic())
-                self._lock.wait_for(lambda: self._closing, TICK)
-
-    def _beat(self, now: float) -> None:
+    def _remind(self, now: float) -> None:
         """Say that we are there, and what must be repeated."""
         self._transport.write(heartbeat(self._beats))
         if self.about is None:

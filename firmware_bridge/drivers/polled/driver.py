@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Hashable, Mapping
-from typing import Any, Self
+from collections.abc import Hashable, Mapping
+from typing import Any
 
 from firmware_bridge.drivers.polled.exchange import STANDSTILL
 from firmware_bridge.drivers.polled.thread import SILENCE, PollingThread
-from firmware_bridge.kinematics import WheelGeometry
-from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import Lines
 from firmware_bridge.messages import LinkError, LinkStatus, State
-from firmware_bridge.options import from_table
 
 
 def why_silent(
@@ -65,19 +62,6 @@ class PolledDriver(PollingThread):
     options : PolledOptions
         How often the board is asked, and how long replies and commands last.
     """
-
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> Self:
-        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
-
-        ConfigError names a wrong key.
-        """
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        # each board's third argument are its own options
-        build: Callable[..., Self] = cls
-        return build(
-            transport, geometry, from_table(cls.options_type, table.get("board", {}), "board")
-        )
 
     def connect(self, timeout: float) -> None:
         """Open the link, set the board up and wait for its first counters."""

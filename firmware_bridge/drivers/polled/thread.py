@@ -7,6 +7,7 @@ import time
 from collections.abc import Hashable
 from typing import ClassVar
 
+from firmware_bridge.drivers.motor_board import MotorBoard
 from firmware_bridge.drivers.polled.board_pose import BoardPose
 from firmware_bridge.drivers.polled.exchange import Exchange, HeldCommand, NoReply
 from firmware_bridge.drivers.polled.options import PolledOptions
@@ -16,15 +17,13 @@ from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
 
 
-class Board:
+class Board(MotorBoard):
     """The questions and commands of one kind of board.
 
     They run in the driver's thread, but `_feed`, which runs in the transport's.
     """
 
-    board = "board"
     options_type: ClassVar[type[PolledOptions]]
-    """Of the ``[board]`` section of a robot file."""
     hint = "is it powered and wired, TX to RX?"
     answers_commands = True
     """Whether the board answers commands; they then wait for the reply that is under way, and are
