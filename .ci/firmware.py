@@ -143,7 +143,7 @@ NOT_OURS = frozenset(("measure.o", "vectors.o"))
 
 def is_double(symbol: str) -> bool:
     """Whether a name is of the compiler's own arithmetic for double."""
-    return symbol.startswith(("__aeabi_d", "__aeabi_f2d")) and symbol != "__aeabi_idiv"
+    return symbol.startswith(("__aeabi_d", "__aeabi_f2d"))
 
 
 def tell(cpu: str, found: dict[str, tuple[float, ...]]) -> bool:

@@ -37,8 +37,6 @@ class KmpcNode(Node):
             dt=model.dt,
             u_min=(-v, -omega),
             u_max=(v, omega),
-            x_min=(-math.inf, -math.inf, -math.inf),
-            x_max=(math.inf, math.inf, math.inf),
             robot_radius=self.ask("radius", 0.2),
         )
         self.controller = kl.Controller(model, problem)

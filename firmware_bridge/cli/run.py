@@ -40,8 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--rehearse",
         action="store_true",
         help="first drive with a model: at half speed, stopped if the model predicts no "
-        "better "
-        "than the nominal robot; a model that has passed drives at full speed",
+        "better than the nominal robot; a model that has passed drives at full speed",
     )
     add(
         "--scenario",

@@ -112,9 +112,6 @@ class Margins:
         self.expected_errors, self._kernels = noise.expected_errors, kernels
         self._model, self._horizon = model, problem.horizon
         self._directions = 2 if problem.footprint is None else 3
-        footprint = problem.footprint
-        self._reach = 0.0 if footprint is None else footprint.reach
-        """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
         unit = unit_length(problem)
         self._solver_margin = SOLVER_MARGIN * unit
         self.side_margin = options.side_margin * unit
@@ -123,10 +120,10 @@ class Margins:
         speed = fastest(problem)[0]
         self._headway = options.headway * unit / speed
         """Time of driving on at a speed that is the least margin [s]."""
-        pose = noise.tube.pose + speed**2 * noise.tube.pose_by_speed
-        self.pose_deviation = math.sqrt(max(0.5 * float(pose[0, 0] + pose[1, 1]), 0.0))
         headway = self._headway * float(speed)
         self._widest = Widest(noise, problem, headway, self._solver_margin)
+        self._reach = self._widest.reach
+        self.pose_deviation = math.sqrt(max(0.5 * self._widest.pose_variance, 0.0))
         self._pose = factor(noise.tube.pose)
         by_speed = noise.tube.pose_by_speed
         self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING

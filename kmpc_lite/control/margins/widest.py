@@ -27,17 +27,19 @@ class Widest:
         self, noise: ModelNoise, problem: NavigationProblem, headway: float, solver_margin: float
     ) -> None:
         self._noise, self._headway, self._solver_margin = noise, headway, solver_margin
-        self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
+        self.reach = 0.0 if problem.footprint is None else problem.footprint.reach
+        """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
         self._fastest = v, omega = fastest(problem)
         pose = noise.tube.pose + v**2 * noise.tube.pose_by_speed
-        self._pose_variance = float(pose[0, 0] + pose[1, 1])
+        self.pose_variance = float(pose[0, 0] + pose[1, 1])
+        """Of a measured position, at full speed, both axes together [m^2]."""
         self._heading_variance = float(pose[2, 2])
         # for how many periods each heading error leads aside: sum of the squares, and sum
         aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, MEMORY + noise.delay + 1)]
         self._heading_periods = sum(a * a for a in aside), sum(aside)
         # what a period at full speed, driving and turning, cuts off
         radius, dt = float(problem.body_radius), noise.dt
-        travel = v * dt + self._reach * omega * dt
+        travel = v * dt + self.reach * omega * dt
         self._chord = math.hypot(radius + travel * omega * dt / 8, travel / 2) - radius
 
     def of(self, found: InflatedNoise) -> float:
@@ -52,7 +54,7 @@ class Widest:
         variance = (
             periods * (v * v * by_speed + omega * omega * by_turn_rate)
             + travel * travel * turned * squares
-            + self._pose_variance
+            + self.pose_variance
         )
         if noise.lasts:
             by_speed, by_turn_rate = trace(lasting)
@@ -61,7 +63,7 @@ class Widest:
             variance += travel * travel * turned * whole**2
             turn_variance += periods**2 * turned
         deviation = math.sqrt(variance)
-        if self._reach:
-            deviation += self._reach * math.sqrt(turn_variance)
+        if self.reach:
+            deviation += self.reach * math.sqrt(turn_variance)
         widest = max(noise.quantile * deviation, self._headway)
         return widest + self._chord + self._solver_margin

@@ -198,8 +198,8 @@ def wait_in_sight(
 ) -> None:
     """Let the reference (N + 1, 3) wait where it would lead into what is not known.
 
-    A plan that is drawn farther than it may go is solved badly. A robot that waits if no
-    scanner looks turns round to look.
+    A plan that is drawn farther than it may go is solved badly. A robot that waits where
+    no scanner looks turns round to look.
 
     Parameters
     ----------

@@ -76,8 +76,6 @@ def course_for(learned: Learned, data: kl.Dataset, scenario: Scenario) -> OwnCou
         dt=data.dt,
         u_min=(-back, -turn),
         u_max=(fastest, turn),
-        x_min=(-np.inf,) * 3,
-        x_max=(np.inf,) * 3,
         wheels=wheels,
     )
     by = _enlargement(learned, problem, scenario)

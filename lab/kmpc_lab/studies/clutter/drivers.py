@@ -57,7 +57,7 @@ class Condition:
     ranges: float
     """Of a range [m]."""
     late: int = 0
-    """Age of poses and scans that nobody is given [periods]."""
+    """Age of poses and scans, which no driver knows [periods]."""
     drift: float = 0.0
     """Share by which odometry counts too much of what is driven and turned."""
 
@@ -68,7 +68,7 @@ CONDITIONS = {
     "late": Condition(0.002, math.radians(0.1), 0.001, late=1, drift=0.015),
 }
 """``exact``: as in Gazebo; ``noisy``: 1 cm, 0.5 degrees; ``late``: exact, but one period of age
-that nobody is given, and odometry that drifts by 1.5 %."""
+that no driver knows, and odometry that drifts by 1.5 %."""
 
 
 class Driver(Protocol):
