@@ -196,6 +196,7 @@ class Autopilot:
             p["ATC_DECEL_MAX"] or p["ATC_ACCEL_MAX"],
             math.radians(p["ATC_STR_ACC_MAX"]),
             math.radians(p["ATC_STR_RAT_MAX"]),
+            (p["MOT_SPD_SCA_BASE"], p["ATC_STR_RAT_FF"], p["ATC_STR_RAT_P"]),
         )
         self.physics.step(self._demand(), limits, dt)
         self.estimator.step(self.physics, uptime, dt)

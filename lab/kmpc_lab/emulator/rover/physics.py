@@ -48,6 +48,8 @@ class DriveLimits:
     """[rad/s^2]"""
     turn: float
     """[rad/s]"""
+    steering: tuple[float, float, float] = (1.0, 0.2, 0.2)
+    """Of steered wheels: MOT_SPD_SCA_BASE [m/s], ATC_STR_RAT_FF and ATC_STR_RAT_P."""
 
 
 class RoverPhysics:
@@ -107,7 +109,7 @@ class RoverPhysics:
         target = 0.0 if wanted is None else wanted
         braking = target * self._ramp < 0.0 or abs(target) < abs(self._ramp)
         limit = limits.deceleration if braking else limits.acceleration
-        self._ramp += _within(target - self._ramp, limit * h)
+        self._ramp += within(target - self._ramp, limit * h)
         self._slow += h * (self._ramp - self._slow) / OVERSHOOT_TIME
         asked = self._ramp + OVERSHOOT * (self._ramp - self._slow)
         if wanted is None and asked * self._ramp <= 0.0:
@@ -120,12 +122,13 @@ class RoverPhysics:
             self._speed = self._acceleration = 0.0
 
     def _turn_loop(self, wanted: float, limits: DriveLimits, h: float) -> None:
-        target = _within(wanted, limits.turn)
-        self._turn_ramp += _within(target - self._turn_ramp, limits.turn_acceleration * h)
+        target = within(wanted, limits.turn)
+        self._turn_ramp += within(target - self._turn_ramp, limits.turn_acceleration * h)
         pull = TURN_FREQUENCY * (self._turn_ramp - self._turn) - 2.0 * TURN_DAMPING * self._jerk
         self._jerk += h * TURN_FREQUENCY * pull
         self._turn += h * self._jerk
 
 
-def _within(value: float, limit: float) -> float:
+def within(value: float, limit: float) -> float:
+    """Clip to [-limit, limit]."""
     return min(max(value, -limit), limit)
