@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from firmware_bridge.cli.recording import DriveRecorder, about_drive
 from firmware_bridge.recording.drive.encoder import DriveEncoder
-from firmware_bridge.recording.drive.records import Ended, Record, Stepped
+from firmware_bridge.recording.drive.records import Record, Stepped
 from firmware_bridge.recording.drive.seen import scan_among
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.ros2.navigator import GoalNavigator
@@ -77,32 +76,12 @@ class TopicRecorder(DriveRecorder):
             return DriveEncoder(scenario_of(job, first), period, about, offset)
 
         super().__init__(DurableFile(path, LateEncoder(encoder)), job, session)
-        self._navigator = job.navigator
-        self._began = self._least = math.inf
 
     def _seen(self) -> Any:
-        return self._navigator.obstacles
+        return self._job.navigator.obstacles
 
     def _scan(self, seen: Any) -> Any:
         return scan_among(seen)
-
-    def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
-        """Take in a plan, in the thread that has just made it."""
-        super().saw(pose, plan)
-        self._began = min(self._began, time.monotonic())
-        self._least = min(self._least, float(plan.around.clearance(np.array([pose]))))
-
-    def finish(self, report: dict[str, Any]) -> None:
-        """Note how the drive ended."""
-        now, least = time.monotonic(), self._least
-        reached = report["goals_reached"] == report["goals_begun"] > 0
-        told = {
-            "outcome": "reached" if reached else "timeout",
-            "duration": max(0.0, now - self._began),
-            "clearance": least if math.isfinite(least) else None,
-            "words": "; ".join([report["outcome"], *report["why"]]),
-        }
-        self.file.put(Ended(now, told))
 
 
 def scenario_of(job: Driven, first: Stepped) -> Scenario:

@@ -17,6 +17,7 @@ from firmware_bridge.ros2.navigator import GoalNavigator
 from firmware_bridge.ros2.telling import Telling
 from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
 from firmware_bridge.runtime.drive_logs import Recorder
+from firmware_bridge.runtime.reasons import ended_words, told_once
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.runtime.timing import table
 from firmware_bridge.safety.gate import GateOutput
@@ -113,16 +114,13 @@ def run(
             driver.inputs.drive_to(errand.goal)
         telling = Telling(driver, navigator, session.loop, errand.radius)
         began = time.monotonic()
-        why: list[str] = []
+        given_back: list[str] = []
 
         def finished() -> bool:
             late = errand.seconds is not None and time.monotonic() - began > errand.seconds
-            done = late or (errand.goal is not None and navigator.reached > 0)
-            if done and not why:
-                why.extend(session.why())
-                if session.gate.state is GateState.RELEASED:
-                    why.append("the robot was given back: a new goal lets it drive again")
-            return done
+            if late and session.gate.state is GateState.RELEASED:
+                given_back[:] = ["the robot was given back: a new goal lets it drive again"]
+            return late or (errand.goal is not None and navigator.reached > 0)
 
         telling.start()
         try:
@@ -131,12 +129,9 @@ def run(
             telling.stop()
         interrupted = session.loop.stop_reason in SIGNALS
         report = {
-            "outcome": _outcome(navigator, errand, session.loop.stop_reason, interrupted),
-            "goals_reached": navigator.reached,
-            "goals_begun": navigator.started,
+            **_ending(navigator, session, given_back),
             "clock_offset_s": driver.inputs.clock_offset(time.monotonic()),
-            "statuses": dict(navigator.statuses),
-            "why": [] if navigator.reached == navigator.started > 0 else why or session.why(),
+            **navigator.report(),
             **session.report(),
         }
         session.logs.finish(report)
@@ -148,13 +143,19 @@ def run(
     return report, INTERRUPTED if interrupted else NOT_DONE
 
 
-def _outcome(navigator: GoalNavigator, errand: Errand, reason: str, interrupted: bool) -> str:
-    """Outcome in words."""
-    if errand.goal is not None and navigator.reached:
-        return "arrived"
-    if interrupted:
-        return f"stopped by {reason}"
-    return "time is up" if navigator.started else "never drove"
+def _ending(navigator: GoalNavigator, session: Session, more: list[str]) -> dict[str, Any]:
+    """How the drives ended, as `kmpc run` says it: `outcome`, `why`, and both in `ended`."""
+    if navigator.arrived:
+        return {"outcome": "arrived", "ended": "", "why": []}
+    stop, drove = session.loop.stop_reason, session.loop.drove_from is not None
+    outcome = "time is up" if navigator.started and drove else "never drove"
+    if stop in SIGNALS:
+        outcome = f"stopped by {stop}"
+    controller = f"the controller: {navigator.reason}" if navigator.reason else ""
+    why = [*told_once(session.loop.why_stopped, session.words()), *more]
+    why += filter(None, (controller,))
+    ended = ended_words(outcome, navigator.duration(), navigator.errors(), "", why)
+    return {"outcome": outcome, "ended": ended, "why": why}
 
 
 def _tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
@@ -166,7 +167,7 @@ def _tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
         f"plans: {', '.join(f'{name} {count}' for name, count in counts) or 'none'}",
         "",
         table(session.loop.histograms()),
-        *(f"why: {why}" for why in report["why"]),
+        *([f"why: {report['ended']}"] if report["ended"] else []),
         *report["problems"],
     ]
     out.write("\n".join(lines) + "\n")

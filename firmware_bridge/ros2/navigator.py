@@ -8,8 +8,11 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.ros2.inputs import Goal, Inputs
+from firmware_bridge.runtime.navigator import figures, goal_errors
 
 if TYPE_CHECKING:
     from kmpc_lite.control.controller import Controller
@@ -51,6 +54,8 @@ class GoalNavigator:
         """Newest, while there is a goal."""
         self.said = WAITS
         """What it does, in words."""
+        self.reason = ""
+        """Why the newest plan is none that drives to the goal, in words; else empty."""
         self.obstacles: list[Any] = []
         """Those of the newest plan."""
         self.watchers: list[Callable[[Any, Any], None]] = []
@@ -60,7 +65,11 @@ class GoalNavigator:
         self.started = 0
         """Number of goals that were begun."""
         self.statuses: Counter[str] = Counter()
+        self.clearance = math.inf
+        """Smallest distance to what was seen so far [m]."""
         self._holding_since: float | None = None
+        self._began = self._reached_at = math.inf
+        self._last: tuple[State, Goal] | None = None
 
     def __call__(self, state: State, held: tuple[float, float] | None) -> VelocityCommand:
         """Plan from a pose.
@@ -79,12 +88,15 @@ class GoalNavigator:
             self.plan, self.said = None, "waits for obstacles"
             return VelocityCommand(0.0, 0.0, now)
         place = (state.x, state.y, state.theta)
+        self._began, self._last = min(self._began, now), (state, goal)
         plan = self._controller.step(place, goal, obstacles, sent=held or UNKNOWN)
         self.plan, self.obstacles = plan, obstacles
         for saw in self.watchers:
             saw(place, plan)
         self.statuses[plan.status.name] += 1
+        self.reason = plan.reason
         self.said = f"{plan.progress.value}{plan.reason and ': '}{plan.reason}"
+        self.clearance = min(self.clearance, float(plan.around.clearance(np.array([place]))))
         self._judge(plan, now)
         return VelocityCommand(float(plan.command[0]), float(plan.command[1]), now)
 
@@ -106,4 +118,28 @@ class GoalNavigator:
             self._holding_since = now
         elif now - self._holding_since >= self._settle:
             self.goal, self.plan, self.said = None, None, "goal reached"
-            self.reached += 1
+            self.reached, self._reached_at = self.reached + 1, self._holding_since
+
+    @property
+    def arrived(self) -> bool:
+        """Whether every goal that was begun was reached."""
+        return self.reached == self.started > 0
+
+    def duration(self) -> float:
+        """From the first plan until the last goal was reached, else until now [s]."""
+        end = self._reached_at if self.arrived else self._clock()
+        return max(0.0, end - self._began)
+
+    def errors(self) -> tuple[float, float]:
+        """Distance to the goal [m] and heading error [rad] of the last pose; infinite without."""
+        return (math.inf, math.inf) if self._last is None else goal_errors(*self._last)
+
+    def report(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        after = self.duration() if self.arrived else None
+        return {
+            "goals_reached": self.reached,
+            "goals_begun": self.started,
+            **figures(self.duration(), after, self.errors(), self.clearance),
+            "statuses": dict(self.statuses),
+        }

@@ -225,10 +225,7 @@ class Navigator:
         """Distance to the goal [m] and heading error [rad] of the last pose; infinite without."""
         if self._last is None:
             return math.inf, math.inf
-        x, y, theta = self.route.goal
-        return math.hypot(self._last.x - x, self._last.y - y), abs(
-            math.remainder(self._last.theta - theta, math.tau)
-        )
+        return goal_errors(self._last, self.route.goal)
 
     def _judge(self, state: State, circles: Circles, now: float) -> None:
         before, self._last = self._last, state
@@ -269,16 +266,31 @@ class Navigator:
 
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""
-        distance, turn = self.errors()
         several = len(self.route.goals) > 1
         return {
             "arrived": self.arrived,
             **({"route": self.route.report()} if several else {}),
-            "touched": self.touched,
-            "duration_s": round(self._duration(), 3),
-            "arrived_after_s": None if self.arrived_after is None else round(self.arrived_after, 3),
-            "position_error_m": None if math.isinf(distance) else round(distance, 4),
-            "heading_error_rad": None if math.isinf(turn) else round(turn, 4),
-            "clearance_m": None if math.isinf(self.clearance) else round(self.clearance, 4),
+            **figures(self._duration(), self.arrived_after, self.errors(), self.clearance),
             "statuses": dict(self.statuses),
         }
+
+
+def goal_errors(state: State, goal: Pose) -> tuple[float, float]:
+    """Distance of a pose to a goal [m], and its heading error [rad]."""
+    x, y, theta = goal
+    return math.hypot(state.x - x, state.y - y), abs(math.remainder(state.theta - theta, math.tau))
+
+
+def figures(
+    duration: float, arrived_after: float | None, errors: tuple[float, float], clearance: float
+) -> dict[str, Any]:
+    """Put together what a drive came to, for JSON; what is infinite is not known."""
+    distance, turn = errors
+    return {
+        "touched": clearance <= 0.0,
+        "duration_s": round(duration, 3),
+        "arrived_after_s": None if arrived_after is None else round(arrived_after, 3),
+        "position_error_m": None if math.isinf(distance) else round(distance, 4),
+        "heading_error_rad": None if math.isinf(turn) else round(turn, 4),
+        "clearance_m": None if math.isinf(clearance) else round(clearance, 4),
+    }

@@ -10,6 +10,7 @@ from firmware_bridge.cli.ros2_recording import Driven, LateEncoder, topic_record
 from firmware_bridge.recording.drive.records import PoseSeen
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.ros2.inputs import Goal
+from firmware_bridge.runtime.navigator import figures
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.sim.closed_loop import Outcome
 
@@ -26,6 +27,7 @@ def record(tmp_path, goal, reached=1):
     job = Driven(controller, navigator, [])
     robot = load_robot(None, {"link": {"url": "zenoh", "driver": "ros2"}})
     session = SimpleNamespace(robot=robot, loop=SimpleNamespace(snapshot=None))
+    clearance = np.inf
     recorder = topic_recorder(job, 0.1, "kmpc ros2")(session, tmp_path / "drive")
     pose = np.zeros(3)
     for _ in range(5):
@@ -34,9 +36,11 @@ def record(tmp_path, goal, reached=1):
         for saw in job.watchers:
             saw(tuple(pose.tolist()), plan)
         recorder.planned()
+        clearance = min(clearance, float(plan.around.clearance(pose[None])))
         pose = plan.states[1]
-    told = {"goals_reached": reached, "goals_begun": 1, "outcome": "arrived", "why": []}
-    recorder.finish(told)
+    after, loop = 0.5 if reached else None, {"commands_sent": 5, "commands_refused": 0}
+    told = figures(0.5, after, (0.01, 0.02), clearance)
+    recorder.finish({**told, "ended": "", "loop": loop})
     recorder.close()
     return load_drive(tmp_path / "drive.mcap")
 
