@@ -151,9 +151,10 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     else:
         suspects += _find_car(data)
         notes += tell_poses(log, data.dt)
+    units = (*("m/s" for _ in log.columns[1:]), "rad/s")
     lines = (
         ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
-        ("commands", _describe(log.commands, ("v", "omega"), ("m/s", "rad/s"))),
+        ("commands", _describe(log.commands, log.columns, units)),
         ("drives", drives),
         ("delay", _tell_delay(verdict.delay, log)),
     )

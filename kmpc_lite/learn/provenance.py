@@ -104,7 +104,7 @@ def driven_speeds(data: Dataset) -> dict[str, float]:
     def held(values: Any) -> float:
         return max(0.0, float(np.sort(values)[-rows]))
 
-    v, omega = data.inputs.T
+    v, omega = data.inputs[:, 0], data.inputs[:, -1]
     return {"forward": held(v), "reverse": held(-v), "turn": held(np.abs(omega))}
 
 

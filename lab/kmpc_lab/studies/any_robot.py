@@ -64,6 +64,17 @@ class Robot:
     horizon: int = 20
     """Periods that are planned ahead."""
 
+    def ideal(self, start: Array, goal: Array) -> float:
+        """Time of the straight line at full speed, and of the turns at both ends [s]."""
+        away = goal[:2] - start[:2]
+        along = math.atan2(away[1], away[0])
+        turns = min(
+            abs(math.remainder(along + back - start[2], math.tau))
+            + abs(math.remainder(goal[2] - along - back, math.tau))
+            for back in ((0.0, math.pi) if self.reverse else (0.0,))
+        )
+        return math.hypot(*away) / self.speed + turns / (self.turn_rate * self.turn_gain)
+
     def problem(self, side: float) -> NavigationProblem:
         """Its navigation problem in a square area of a side [m]."""
         half = 0.5 * side

@@ -18,6 +18,7 @@ import numpy as np
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn, random_robot
+from kmpc_lab.studies.any_wheels import DRAWS, CarRobot, Moves, OmniRobot
 from kmpc_lab.studies.records import Work
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -49,11 +50,21 @@ class RobotDrive:
     """Progress that was reported at the end, and its reason."""
 
 
-class Moves(Protocol):
-    """The true robot, as a drive needs it."""
+class Sized(Protocol):
+    """A robot, as a map of its size needs it."""
 
-    def drive(self, pose: Array, command: Array) -> Array:
-        """Poses (n, 3) during one period from a pose (3,)."""
+    @property
+    def radius(self) -> float:
+        """Radius [m]."""
+        ...
+
+    @property
+    def noise(self) -> tuple[float, float]:
+        """Standard deviation of a measured pose [m, rad]."""
+        ...
+
+    def ideal(self, start: Array, goal: Array) -> float:
+        """Least time between two poses, obstacles aside [s]."""
         ...
 
 
@@ -71,10 +82,10 @@ class Course:
     spread: Array
     """Standard deviations of a measured pose, (3,) [m, m, rad]."""
     ideal: float
-    """Straight line at full speed, and the turns at both ends [s]."""
+    """Least time, obstacles aside [s]."""
 
 
-def course_of(robot: Robot, seed: int, family: str = "open") -> Course:
+def course_of(robot: Sized, seed: int, family: str = "open") -> Course:
     """Give a random map the size of a robot."""
     scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
     unit = np.array((by, by, 1.0))
@@ -85,7 +96,7 @@ def course_of(robot: Robot, seed: int, family: str = "open") -> Course:
         [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles],
         by * (scenario.bounds[2] - scenario.bounds[0]),
         np.array((robot.noise[0], robot.noise[0], robot.noise[1])),
-        _ideal_seconds(robot, start, goal),
+        robot.ideal(start, goal),
     )
 
 
@@ -97,6 +108,15 @@ def drive(
     course = course_of(robot, seed, family)
     controller = Controller(model, robot.problem(course.side))
     return judge(robot.name, seed, controller, RobotPlant(robot, seed), course)
+
+
+def drive_wheels(robot: CarRobot | OmniRobot, seed: int) -> RobotDrive:
+    """Learn a car or an omni from its own log and drive it over one random map of its size."""
+    course = course_of(robot, seed)
+    ready, half = robot.ready(seed), 0.5 * course.side
+    area = np.array((half, half, np.inf))
+    problem = replace(ready.problem, x_min=-area, x_max=area)
+    return judge(robot.name, seed, Controller(ready.model, problem), ready.plant, course)
 
 
 def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> RobotDrive:
@@ -147,23 +167,13 @@ def _least_gap(problem: NavigationProblem, poses: Array, circles: Sequence[Circl
     return least
 
 
-def drive_random(seed: int, shapes: bool = True) -> RobotDrive:
+def drive_random(seed: int, shapes: bool = True, wheels: str = "differential") -> RobotDrive:
     """Draw a robot, learn it and drive it; `shapes`: whether it may be one that is not round."""
+    if wheels != "differential":
+        return drive_wheels(DRAWS[wheels](seed), seed)
     robot = random_robot(seed, shapes)
     name = "any robot" if robot.footprint is None else "not round"
     return replace(drive(robot, seed), robot=name)
-
-
-def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:
-    """Straight line at full speed, and the turns at both ends."""
-    away = goal[:2] - start[:2]
-    along = math.atan2(away[1], away[0])
-    turns = min(
-        abs(math.remainder(along + back - start[2], math.tau))
-        + abs(math.remainder(goal[2] - along - back, math.tau))
-        for back in ((0.0, math.pi) if robot.reverse else (0.0,))
-    )
-    return math.hypot(*away) / robot.speed + turns / (robot.turn_rate * robot.turn_gain)
 
 
 def summary(rows: Sequence[RobotDrive]) -> dict[str, Any]:
@@ -193,9 +203,12 @@ def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> RobotDrive:
     return drive(robots[name], seed)
 
 
-def study_random(seeds: Sequence[int], shapes: bool, work: Work) -> list[RobotDrive]:
-    """Drive a robot drawn at random for each seed; `shapes` as for `drive_random`."""
-    return work.rows("anyrobot", product(seeds, (shapes,)), drive_random, RobotDrive)
+def study_random(
+    seeds: Sequence[int], shapes: bool, wheels: Sequence[str], work: Work
+) -> list[RobotDrive]:
+    """Drive a robot drawn at random for each seed; `shapes` and `wheels` as for `drive_random`."""
+    wanted = ((seed, shapes, kind) for kind in wheels for seed in seeds)
+    return work.rows("anyrobot", wanted, drive_random, RobotDrive)
 
 
 def format_rows(rows: Sequence[RobotDrive]) -> str:

@@ -60,6 +60,7 @@ def test_study_tells_at_once_that_peers_are_missing(
     "study",
     [
         "anyrobot --drives 1 --round",
+        "anyrobot --drives 1 --wheels car",
         "limits --drives 1 --only one-minute",
     ],
 )

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 STUDIES = {
     "anyrobot": "Robots drawn at random from a seed: size, speed, period, lag, slip, turning "
-    "centre, noise and, of one in three, a footprint. Each is learned from its own log and drives "
-    "a map of its size.",
+    "centre, noise and, of one in three, a footprint; cars and omnis by --wheels. Each is learned "
+    "from its own log and drives a map of its size.",
     "scales": "The standard robot at six scales, and robots of other numbers: Husky-like, "
     "Warthog-like, micro, forward only, slow to turn, fast.",
     "limits": "The standard robot learned from one minute of poses that err by 2 cm and 3 degrees; "
@@ -40,6 +40,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="seed of the first robot (default: 2000)",
     )
     add("--round", action="store_true", help="anyrobot: round robots only, else drawn alike")
+    add(
+        "--wheels",
+        nargs="+",
+        choices=("differential", "car", "omni"),
+        default=["differential"],
+        help="anyrobot: what is drawn (default: differential)",
+    )
     add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
 
 
@@ -50,7 +57,7 @@ def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, b
 
     seeds = range(options.seed, options.seed + options.drives)
     if name == "anyrobot":
-        rows = robot_drives.study_random(seeds, not options.round, work)
+        rows = robot_drives.study_random(seeds, not options.round, options.wheels, work)
     else:
         at_scales = (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
         robots = {robot.name: robot for robot in (LIMITS if name == "limits" else at_scales)}

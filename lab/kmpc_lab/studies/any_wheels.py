@@ -1,0 +1,288 @@
+"""Cars and omnis of the study ``anyrobot``: drawn from a seed, and learned from their own logs.
+
+A log is a table as a user has it: of a car with steering angles, curvatures or a servo's position,
+of an omni with a speed sideways. `load_logs` recognises the kind, and `learn` learns it, as
+``kmpc fit`` does. A car is driven by the turning radius and the steering that were found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from kmpc_lab.sim.plants.followers import (
+    STANDS,
+    CarPlant,
+    Chassis,
+    Follower,
+    OmniPlant,
+    Rollers,
+)
+from kmpc_lite.control import Footprint, NavigationProblem
+from kmpc_lite.control.kernels.reeds_shepp import curves
+from kmpc_lite.control.kernels.twists import seen_from
+from kmpc_lite.control.wheels import Car, Omni
+from kmpc_lite.learn.learning import learn
+from kmpc_lite.learn.loading import load_logs, read_checked
+from kmpc_lite.learn.logs import ReadOptions
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
+
+SECONDS = 90.0
+"""How long a log is [s]."""
+HELD = {"car": 1.0, "omni": 0.5}
+"""How long a command of it is held [s]."""
+STEERING = ("steering_angle", "curvature", "servo")
+"""Columns by one of which a car's log tells how it is steered."""
+
+
+class Moves(Protocol):
+    """A robot as it is."""
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (n, 3) during one period from a pose (3,)."""
+        ...
+
+
+class Ready(NamedTuple):
+    """A robot that was learned."""
+
+    model: KoopmanModel
+    problem: NavigationProblem
+    """Its area aside."""
+    plant: Moves
+
+
+@dataclass(frozen=True)
+class CarRobot:
+    """A car as it is drawn."""
+
+    name: str
+    chassis: Chassis
+    footprint: Footprint
+    radius: float
+    """Of the circle about the outline's middle, which is the size of its map [m]."""
+    speed: float
+    """Largest speed [m/s]."""
+    dt: float
+    """Control period [s]."""
+    noise: tuple[float, float]
+    """Standard deviation of a measured pose [m, rad]."""
+    column: str
+    """By which of `STEERING` its log tells how it is steered."""
+
+    def ideal(self, start: Array, goal: Array) -> float:
+        """Time of the shortest curve of Reeds and Shepp at full speed [s]."""
+        radius = self.chassis.wheelbase / math.tan(self.chassis.lock)
+        seen = seen_from(start, goal[None]) / (radius, radius, 1.0)
+        return radius * float(np.abs(curves(seen)).sum(axis=-1).min()) / self.speed
+
+    def ready(self, seed: int) -> Ready:
+        """Record its log, learn it, and say how it is driven."""
+        random = np.random.default_rng([seed, 23])
+        commands = held(random, (self.speed, self.chassis.lock), self.dt, HELD["car"])
+        told = self._told(commands[:, 1])
+        with TemporaryDirectory() as folder:
+            log = Path(folder) / "car.csv"
+            values = np.column_stack([commands[:, 0], told])
+            plant = CarPlant(self.chassis, self.dt, seed + 1)
+            write(log, record(plant, commands, self, random), values, ("v", self.column), self.dt)
+            model = learn(load_logs([log], self.dt), [log]).model
+            found, _ = read_checked(log, ReadOptions(), self.dt)
+        speeds, rates = found.commands.values.T
+        rows = np.rint(found.commands.time / self.dt).astype(int)
+        order = np.argsort(rates / speeds)
+        bends, angles = (rates / speeds)[order], commands[np.minimum(rows, len(commands) - 1), 1]
+        sharpest = float(np.abs(bends).max())
+        # lock to lock
+        lasts = 2.0 * self.chassis.lock / self.chassis.follower.rates[1]
+        problem = NavigationProblem(
+            dt=self.dt,
+            u_min=(-self.speed, -self.speed * sharpest),
+            u_max=(self.speed, self.speed * sharpest),
+            footprint=self.footprint,
+            wheels=Car(1.0 / sharpest, 2.0 * sharpest / lasts),
+        )
+        steered = Steered(CarPlant(self.chassis, self.dt, seed), bends, angles[order])
+        return Ready(model, problem, steered)
+
+    def _told(self, angles: Array) -> Array:
+        """What its log says of steering angles (n,)."""
+        if self.column == "curvature":
+            out: Array = np.tan(angles) / self.chassis.wheelbase
+            return out
+        return angles if self.column == "steering_angle" else 0.5 + 0.6 * angles
+
+
+class Steered:
+    """A car that is asked for a speed and a turn rate: a link that knows what `fit` has found."""
+
+    def __init__(self, plant: CarPlant, bends: Array, angles: Array) -> None:
+        self._plant, self._bends, self._angles = plant, bends, angles
+        self._angle = 0.0
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (n, 3) during one period; wheels of a car that stands stay as they are."""
+        v, omega = command.tolist()
+        if abs(v) > STANDS:
+            self._angle = float(np.interp(omega / v, self._bends, self._angles))
+        return self._plant.drive(pose, np.array((v, self._angle)))
+
+
+@dataclass(frozen=True)
+class OmniRobot:
+    """An omni as it is drawn."""
+
+    name: str
+    rollers: Rollers
+    footprint: Footprint | None
+    radius: float
+    """Of what it covers [m]."""
+    speeds: tuple[float, float, float]
+    """Largest v_x, v_y [m/s] and omega [rad/s]."""
+    dt: float
+    """Control period [s]."""
+    noise: tuple[float, float]
+    """Standard deviation of a measured pose [m, rad]."""
+
+    def ideal(self, start: Array, goal: Array) -> float:
+        """Straight line at full speed ahead, or the turn where that takes longer [s]."""
+        driven = float(np.hypot(*(goal - start)[:2])) / self.speeds[0]
+        return max(driven, abs(math.remainder(goal[2] - start[2], math.tau)) / self.speeds[2])
+
+    def ready(self, seed: int) -> Ready:
+        """Record its log, learn it, and say how it is driven."""
+        random = np.random.default_rng([seed, 29])
+        commands = held(random, self.speeds, self.dt, HELD["omni"])
+        with TemporaryDirectory() as folder:
+            log = Path(folder) / "omni.csv"
+            plant = OmniPlant(self.rollers, self.dt, seed + 1)
+            poses = record(plant, commands, self, random)
+            write(log, poses, commands, ("v", "vy", "omega"), self.dt)
+            model = learn(load_logs([log], self.dt), [log]).model
+        problem = NavigationProblem(
+            dt=self.dt,
+            u_min=tuple(-speed for speed in self.speeds),
+            u_max=self.speeds,
+            robot_radius=self.radius,
+            wheels=Omni(),
+        )
+        if self.footprint is not None:
+            problem = NavigationProblem(
+                dt=self.dt,
+                u_min=problem.u_min,
+                u_max=problem.u_max,
+                footprint=self.footprint,
+                wheels=Omni(),
+            )
+        return Ready(model, problem, OmniPlant(self.rollers, self.dt, seed))
+
+
+def draw_car(seed: int) -> CarRobot:
+    """Draw a car: from a desk's toy to a delivery van."""
+    random = np.random.default_rng([seed, 31])
+    uniform = random.uniform
+    base = float(np.exp(uniform(np.log(0.06), np.log(2.5))))
+    behind, before, width = base * uniform((0.1, 0.1, 0.5), (0.3, 0.3, 0.8))
+    length = base + behind + before
+    speed = base * float(np.exp(uniform(np.log(0.7), np.log(3.0))))
+    lock = math.radians(uniform(22.0, 40.0))
+    lags, ramped, noisy, bent = random.random(4) < (0.6, 0.5, 0.6, 0.5)
+    follower = Follower(
+        float(uniform(0.0, 0.12)) if lags else 0.0,
+        (speed / uniform(0.2, 1.0) if ramped else math.inf, 2.0 * lock / uniform(0.3, 1.5)),
+        tuple(uniform((0.05, 0.03), (0.3, 0.12))) if lags else (0.0, 0.0),
+    )
+    chassis = Chassis(
+        base,
+        lock,
+        follower,
+        gains=(uniform(0.9, 1.05), uniform(0.8, 1.05)),
+        understeer=uniform(0.0, 0.25) / speed**2,
+        offset=math.radians(uniform(-2.0, 2.0)) if bent else 0.0,
+        slip=uniform(0.0, 0.05),
+    )
+    return CarRobot(
+        "car",
+        chassis,
+        Footprint.rectangle(length, width, 0.5 * (base + before - behind)),
+        0.5 * math.hypot(length, width),
+        speed,
+        float(random.choice((0.05, 0.1, 0.1, 0.2))),
+        (0.015 * width, 0.01) if noisy else (0.0, 0.0),
+        str(random.choice(STEERING)),
+    )
+
+
+def draw_omni(seed: int) -> OmniRobot:
+    """Draw an omni: round or a rectangle, from a desk's toy to a platform for pallets."""
+    random = np.random.default_rng([seed, 37])
+    uniform = random.uniform
+    radius = float(np.exp(uniform(np.log(0.04), np.log(1.0))))
+    speed = radius * float(np.exp(uniform(np.log(1.5), np.log(5.0))))
+    speeds = (speed, speed * float(uniform(0.6, 1.0)), float(uniform(0.5, 2.5)))
+    is_round, lags, ramped, noisy = random.random(4) < (0.5, 0.6, 0.4, 0.6)
+    ramp = uniform(0.2, 1.0)
+    lag = uniform(0.05, 0.3) if lags else 0.0
+    follower = Follower(
+        uniform(0.0, 0.12) if lags else 0.0,
+        tuple(most / ramp if ramped else math.inf for most in speeds),
+        (lag,) * 3,
+    )
+    rollers = Rollers(
+        follower,
+        gains=tuple(uniform((0.9, 0.85, 0.5, 0.6), (1.05, 1.05, 1.0, 1.05))),
+        crosstalk=uniform(-0.1, 0.1) / radius,
+        slip=uniform(0.0, 0.1),
+    )
+    slim = math.atan(uniform(0.75, 1.0))
+    sides = 2.0 * radius * math.cos(slim), 2.0 * radius * math.sin(slim)
+    return OmniRobot(
+        "omni, round" if is_round else "omni, square",
+        rollers,
+        None if is_round else Footprint.rectangle(*sides),
+        radius,
+        speeds,
+        float(random.choice((0.05, 0.1, 0.1, 0.2))),
+        (0.03 * radius, 0.01) if noisy else (0.0, 0.0),
+    )
+
+
+DRAWS: dict[str, Callable[[int], CarRobot | OmniRobot]] = {"car": draw_car, "omni": draw_omni}
+
+
+def held(random: np.random.Generator, most: tuple[float, ...], dt: float, lasts: float) -> Array:
+    """Commands (n, m) between bounds, each held for a time [s]."""
+    count, hold = round(SECONDS / dt), max(round(lasts / dt), 1)
+    drawn = random.uniform(-1.0, 1.0, (count // hold + 1, len(most))) * most
+    out: Array = np.repeat(drawn, hold, axis=0)[:count]
+    return out
+
+
+def record(
+    plant: Moves, commands: Array, robot: CarRobot | OmniRobot, random: np.random.Generator
+) -> Array:
+    """Poses (n + 1, 3) as they are measured while commands (n, m) are driven."""
+    pose, (place, turn) = np.zeros(3), robot.noise
+    poses = [pose]
+    for command in commands:
+        pose = plant.drive(pose, command)[-1]
+        poses.append(pose)
+    noise = random.normal(size=(len(poses), 3)) * (place, place, turn)
+    out: Array = np.array(poses) + noise
+    return out
+
+
+def write(log: Path, poses: Array, commands: Array, names: tuple[str, ...], dt: float) -> None:
+    """Write a log as a table: a command is held until the next row."""
+    rows = np.column_stack(
+        [dt * np.arange(len(poses)), poses, np.concatenate([commands, commands[-1:]])]
+    )
+    header = ",".join(("t", "x", "y", "theta", *names))
+    np.savetxt(log, rows, fmt="%.9g", delimiter=",", header=header, comments="")
