@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
+import tempfile
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
+import qpsolvers
+
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.kernels import compiled_kernels
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.embedded.compiled_controller import CompiledController
+from kmpc_lite.embedded.folder import export
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scenario.files import Scenario
 
-Form = Literal["full", "paper", "converged", "ipopt", "fatrop", "acados"]
+Form = Literal["full", "paper", "converged", "exported", "ipopt", "fatrop", "acados"]
 """Ours with everything on; ours in the paper's formulation (the goal as reference, no learned
-margins), with one pass a step or passes to convergence; CasADi with IPOPT or fatrop; acados."""
+margins), with one pass a step or passes to convergence; ours with margins as `kmpc export` writes
+it, all in C; CasADi with IPOPT or fatrop; acados."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +42,8 @@ class Contender:
     """Whether ours adapts its model while driving; its own choice if not given."""
     solver: str = "osqp"
     """QP solver of ours, by the name that qpsolvers has for it."""
+    compiled: bool | None = None
+    """Whether kernels of ours run in C: if they were built, if not given."""
     timed: str = "total"
     """Entry of a plan's timing that benchmarks compare."""
 
@@ -46,6 +57,12 @@ class Contender:
             from kmpc_lab.peers.acados_wheel import why_not
 
             return why_not()
+        if self.form == "exported" and not (shutil.which("cc") and shutil.which("make")):
+            return "a C compiler (cc) and make are needed"
+        if self.compiled and compiled_kernels() is None:
+            return "the kernels in C were not built"
+        if self.form == "paper" and self.solver not in qpsolvers.available_solvers:
+            return f"{self.solver} is not installed"
         return ""
 
     @property
@@ -98,6 +115,9 @@ class Contender:
             from kmpc_lab.peers.acados import AcadosController
 
             return AcadosController(model, problem, obstacles)
+        if self.form == "exported":
+            with tempfile.TemporaryDirectory() as folder:
+                return CompiledController(export(model, problem, Path(folder) / "robot"))
         if self.form == "full":
             return Controller(
                 model,
@@ -106,6 +126,7 @@ class Contender:
                 pose_age=pose_age,
                 solver=self.solver,
                 options=options,
+                compiled=self.compiled,
             )
         passes: dict[str, Any] = (
             {"sqp_iterations": 200, "tolerance": 1e-6} if self.form == "converged" else {}
@@ -118,6 +139,7 @@ class Contender:
             pose_age=pose_age,
             solver=self.solver,
             options=options,
+            compiled=self.compiled,
             **passes,
         )
 
@@ -148,11 +170,22 @@ BENCH_CONTENDERS = (
 FULL_STEP = Contender("ours, full step")
 BENCH_FULL_CONTENDERS = (FULL_STEP, Contender("CasADi + IPOPT", "ipopt"))
 """Benchmarked on the states of drives with everything on."""
+COLD_CONTENDERS = (
+    Contender("CasADi + IPOPT", "ipopt"),
+    Contender("CasADi + fatrop", "fatrop"),
+    Contender("acados RTI, in C", "acados", timed="solve"),
+    Contender("acados RTI, Python", "acados"),
+    Contender("ours, RTI, kernels in C", "paper", compiled=True),
+    Contender("ours, RTI, NumPy", "paper", compiled=False),
+    Contender("ours, RTI, QP by DAQP", "paper", solver="daqp"),
+    Contender("ours, full step in C", compiled=True),
+    Contender("ours, full step, NumPy", compiled=False),
+    Contender("ours, margins, exported", "exported"),
+)
+"""Benchmarked one after the other step by step, as a robot's caches find them."""
 
 
 def solver_contenders() -> list[Contender]:
     """Ours in the paper's formulation with each QP solver that is installed; OSQP comes first."""
-    import qpsolvers
-
     names = ["osqp", *sorted(set(qpsolvers.available_solvers) - {"osqp"})]
     return [Contender(name, "paper", solver=name) for name in names]

@@ -7,7 +7,9 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from kmpc_lab.bench import against, lidar
+from kmpc_lab.bench import against, cold, lidar
+from kmpc_lab.cli.bench import jobs
+from kmpc_lab.studies import contenders
 from kmpc_lite.cli.main import main
 
 NAMES = ["4 circles", "scan, 360 beams", "scan, 720 beams", "scan, 1440 beams"]
@@ -35,6 +37,26 @@ def test_a_drive_is_recorded_until_its_goal_is_held() -> None:
     assert 10 < len(recorded) < lidar.STEPS
     (pose, goal, *_), last = recorded[0], recorded[-1][0]
     assert abs(pose[:2] - goal[:2]).max() > 0.3 > abs(last[:2] - goal[:2]).max()
+
+
+def test_cold_steps_are_taken_in_turns(monkeypatch, capsys) -> None:
+    """All contenders from the same states; drives past circles and by lidar in both languages."""
+    monkeypatch.setattr(lidar, "STEPS", 4)
+    monkeypatch.setattr(cold, "PAUSE", 0.0)
+    quick = [c for c in contenders.COLD_CONTENDERS if c.label.startswith("ours")]
+    monkeypatch.setattr(contenders, "COLD_CONTENDERS", quick)
+    assert main(["bench", "--cold", "--drives", "1", "--tuning", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    first, second = told["tables"].values()
+    stepped = {row["name"] for row in first}
+    assert stepped | set(told["left_out"]) == {c.label for c in quick}
+    assert [row["name"] for row in second] == [
+        f"{name}, {how}" for name in NAMES for how in cold.KERNELS
+    ]
+    # the first step of a drive is left out
+    assert {row["steps"] for row in first} == {jobs.STEPS - 1}
+    assert {row["steps"] for row in second} == {lidar.STEPS - 1}
+    assert "x first" in cold.format_cold(told["tables"])
 
 
 def test_another_commit_is_stepped_through_the_same_inputs(monkeypatch, capsys, tmp_path) -> None:

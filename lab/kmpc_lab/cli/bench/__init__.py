@@ -76,6 +76,7 @@ COMMAND = Command(
     examples=(
         "kmpc bench",
         "kmpc bench --drives 40 --picture bench.png",
+        "kmpc bench --cold",
         "kmpc bench --scaling",
         "kmpc bench --lidar --drives 12",
         "kmpc bench --against v0.2.0 --drives 6",

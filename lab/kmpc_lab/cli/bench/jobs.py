@@ -115,6 +115,31 @@ def _lidar(options: argparse.Namespace) -> tuple[Any, str]:
     return rows, format_lidar_steps(rows)
 
 
+def _cold(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lab.bench.boards import this_machine
+    from kmpc_lab.bench.cold import cold_lidar_steps, cold_steps, format_cold
+    from kmpc_lab.bench.drives import learned_model
+    from kmpc_lab.peers.paper import papers_problem
+    from kmpc_lab.studies.contenders import COLD_CONTENDERS, FULL_STEP
+
+    model, problem = learned_model(), papers_problem()
+    left_out = {c.label: c.missing for c in COLD_CONTENDERS if c.missing}
+    field_of = [c for c in COLD_CONTENDERS if c.label not in left_out]
+    drives = _record(options, model, problem, driver=FULL_STEP)
+    bar = ProgressBar("cold", quiet=options.json)
+    tables = {
+        "past four circles, on the states of full steps; peers solve the paper's problem": (
+            cold_steps(field_of, model, problem, drives, bar)
+        ),
+        "full steps past circles and by lidar": cold_lidar_steps(
+            _drives(options), _seed(options), ProgressBar("cold, lidar", quiet=options.json)
+        ),
+    }
+    told = {"machine": this_machine(), "tables": tables, "left_out": left_out}
+    lines = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
+    return told, "\n".join([format_cold(tables), *lines])
+
+
 def _against(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.against import against, format_against
 
@@ -234,6 +259,12 @@ JOBS = {
         _lidar,
         RECORDED,
         "show what lidars of 360, 720 and 1,440 beams cost a step, beside four known circles",
+    ),
+    "--cold": Job(
+        _cold,
+        RECORDED,
+        "time steps as a robot's caches find them: contenders in turns step by step, 10 ms of "
+        "sleep before each; kernels in C and not, the exported controller, lidars, and peers",
     ),
     "--settings": Job(
         _settings,
