@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.clearance import later
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
@@ -111,6 +112,7 @@ def make_guide(
     clock: Callable[[], float],
     planner: Planner | None,
     scale: Scale,
+    kernels: Kernels,
 ) -> Guide:
     """Make the guide of a robot; arguments in its units, but for the clock [s] and the planner."""
     # here, for its graph search costs as much to import as all the rest
@@ -119,4 +121,4 @@ def make_guide(
 
     own = None if planner is None else InMetres(planner, scale)
     moving = options.moving_obstacles
-    return Guide(units, options.guidance, moving, clock, own)
+    return Guide(units, options.guidance, moving, clock, own, kernels)

@@ -15,6 +15,7 @@ from kmpc_lite.control.kernels import (
     clearance,
     clusters,
     fill,
+    following,
     safe_motion,
     scan_beams,
     scan_map,
@@ -40,6 +41,8 @@ class Kernels:
     between_samples: Callable[..., Array]
     surely_clear: Callable[..., Array]
     admissible: Callable[..., Array]
+    locate: Callable[..., tuple[float, float]]
+    along_path: Callable[..., Array]
     clusters: Callable[..., Array]
     follow: Callable[..., tuple[Array, Array]]
     told_beams: Callable[..., tuple[Array, Array, Array, Array]]
@@ -67,6 +70,8 @@ NUMPY = Kernels(
     between_samples=safe_motion.between_samples,
     surely_clear=safe_motion.surely_clear,
     admissible=safe_motion.admissible,
+    locate=following.locate,
+    along_path=following.along_path,
     clusters=clusters.clusters,
     follow=tracks.follow,
     told_beams=scan_beams.told_beams,

@@ -10,6 +10,7 @@ import numpy as np
 import kmpc_lite.control.kernels._kernels as c
 from kmpc_lite.control.kernels.compiled_scan import dense as _dense
 from kmpc_lite.control.kernels.fill import Around, Iterate, Numbers, PlanMargins
+from kmpc_lite.control.kernels.following import Timed
 from kmpc_lite.control.kernels.half_planes import KeepOut
 from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.model.linearization import Linearization
@@ -189,6 +190,22 @@ def admissible(
         unsure,
     )
     return out
+
+
+def locate(path: Timed, pose: Array, place: float, least: float) -> tuple[float, float]:
+    """As `following.locate`."""
+    found = np.empty(2)
+    c.locate(*path[:3], _dense(pose), found, path.step, place, least)
+    return found.item(0), found.item(1)
+
+
+def along_path(
+    path: Timed, later: Array, place: float, leg: float, heading: float, turning: bool
+) -> Array:
+    """As `following.along_path`."""
+    states = np.empty((len(later), STATES))
+    c.along_path(*path[:3], _dense(later), states, path.braking, place, leg, heading, turning)
+    return states
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,8 @@ from time import perf_counter
 
 import numpy as np
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels.following import leg_end
 from kmpc_lite.control.options import (
     GuidanceOptions,
     MovingObstacleOptions,
@@ -39,14 +41,10 @@ from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
 NEAR_CUSP = 0.075
 """Distance from a change of gear at which the robot goes on in the other one [m]."""
-GOAL_STRETCH = 0.5
-"""For so long before the path reaches the goal's position, the reference ends there: it does not
-begin the last turn yet [s]."""
 CENTRE_CHANGE = 0.001
 """Changes of the turning centre below this are ignored [m]."""
 
@@ -74,6 +72,8 @@ class Guide:
         Gives the time [s] that `until` is on.
     planner : Planner, optional
         Finds paths, in the robot's units; the one of tangents and lattices if not given.
+    kernels : Kernels
+        Follow them.
     """
 
     def __init__(
@@ -83,10 +83,11 @@ class Guide:
         moving: MovingObstacleOptions | None = None,
         clock: Callable[[], float] = perf_counter,
         planner: Planner | None = None,
+        kernels: Kernels = NUMPY,
     ) -> None:
         unit = unit_length(problem)
         self._options = lengths_from_radii(options or GuidanceOptions(), unit)
-        self._dt = problem.dt
+        self._dt, self._kernels = problem.dt, kernels
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = self._options.lead_time + self._times
         self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
@@ -99,7 +100,7 @@ class Guide:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:
             planner = TangentPlanner(problem, options or GuidanceOptions())
-        self._replanner = Replanner(problem, self._options, clock, planner)
+        self._replanner = Replanner(problem, self._options, clock, planner, kernels)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
         """Give the reference of the coming stages.
@@ -120,7 +121,7 @@ class Guide:
         off = 0.0
         if state.path is not None:
             least = state.path.drive_end if state.turning else state.leg
-            state.place, off = state.path.locate(now.pose, state.place, least)
+            state.place, off = self._kernels.locate(state.path.timed, now.pose, state.place, least)
             self._change_gear(state, now, state.path)
         refreshed, switched = self._replanner.update(state, now, off)
         if state.path is None:
@@ -141,7 +142,7 @@ class Guide:
 
     def _change_gear(self, state: GuideState, now: Situation, path: TimedPath) -> None:
         """Go on to the next leg of a path where the robot has come to a change of its gear."""
-        end = path.leg_end(state.leg)
+        end = leg_end(path.timed, state.leg)
         if end < math.inf:
             (begin, cusp), here = path.at(np.array([state.leg, end]))[:, :2], now.pose[:2]
             reach = CUSP_REACH if self._by_poses else min(NEAR_CUSP, math.dist(begin, here))
@@ -210,7 +211,10 @@ class Guide:
             switched = switched or state.evasive_arc != begins
         else:
             state.evasive_arc = -1
-            states = self._along(path, state, scale or 0.0, float(now.pose[2]))
+            later, heading = self._ahead * (scale or 0.0), float(now.pose[2])
+            states = self._kernels.along_path(
+                path.timed, later, place, state.leg, heading, state.turning
+            )
             turn = float(now.capabilities.forward[1]) * self._dt
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
@@ -238,19 +242,6 @@ class Guide:
             share_at_goal=path.share_at_goal(states),
             path_clearance=state.path_clearance,
         )
-
-    def _along(self, path: TimedPath, state: GuideState, scale: float, heading: float) -> Array:
-        """States (N + 1, 3) along the path at a share of its speed, their headings near one."""
-        later, place, turning, leg = self._ahead * scale, state.place, state.turning, state.leg
-        times = place + later if turning else path.times_after(place, later)
-        if not turning and place > path.drive_end - GOAL_STRETCH:
-            np.minimum(times, path.drive_end, out=times)
-        np.minimum(times, path.leg_end(leg), out=times)
-        states = path.at(times)
-        turns = nearest_turn(heading - path.heading_at(place))
-        if turns:
-            states[:, 2] += turns
-        return states
 
     def _evade(self, state: GuideState, now: Situation, moving: MovingObstacles) -> Array:
         """States (N + 1, 3) on an arc that makes room."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
@@ -55,6 +56,8 @@ class SearchDriver:
         Gives the time [s] that a situation's `until` is on.
     planner : Planner
         Finds paths, in the robot's units.
+    kernels : Kernels
+        Follow them.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class SearchDriver:
         options: GuidanceOptions,
         clock: Callable[[], float],
         planner: Planner,
+        kernels: Kernels,
     ) -> None:
         self._options, self._clock = options, clock
         self._dt, self._by_poses = problem.dt, follows_poses(problem)
@@ -72,7 +76,7 @@ class SearchDriver:
         self._radius, self._margin = problem.body_radius, problem.margin
         middles = np.zeros((1, 2)) if problem.footprint is None else problem.footprint.circles
         self._outline = np.column_stack([middles, np.full(len(middles), self._radius)])
-        self._planner, self._parts = planner, 0
+        self._planner, self._parts, self._locate = planner, 0, kernels.locate
         self._asked: PathRequest | None = None
 
     def begin(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:
@@ -240,10 +244,10 @@ class SearchDriver:
         state.path_clearance = max(path.clearance - swing(state.turning_centre), 0.0)
         state.goal_clearance = search.goal_clearance
         other = path.switched or previous is None or not search.same_goal
-        begin, _ = state.path.locate(request.start, 0.0)
+        begin, _ = self._locate(timed.timed, request.start, 0.0, 0.0)
         left, turn_time = state.path.duration - begin, free_turn / float(speed[1])
         state.progress.begin_path(left, turn_time, other or search.stuck)
-        state.place, _ = state.path.locate(now.pose, 0.0)
+        state.place, _ = self._locate(timed.timed, now.pose, 0.0, 0.0)
         return other
 
     def _from_rest(self, now: Situation, request: PathRequest, path: Path) -> Path:

@@ -156,6 +156,22 @@ void kmpc_admissible(int motions, int samples, int places, int things, int first
                      const unsigned char *turns, const unsigned char *strict, const int *ends,
                      real unsure, unsigned char *clear);
 
+/* ---- following.c: where on its path a robot is, and what it follows from there --------------- */
+
+struct kmpc_timed {
+    int poses, cusps;
+    const real *pose;   /* (poses, 3), two at least */
+    const real *time;   /* (poses) from zero on, growing; the last turn begins at the last but one */
+    const real *cusp;   /* (cusps) when the gear changes */
+    real step, braking; /* time between places that are looked at; of braking at the end */
+};
+
+/* `found` holds the time of the pose that is nearest, and the distance from it. */
+void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, real least,
+                 real *found);
+void kmpc_along_path(const struct kmpc_timed *path, int count, const real *later, real place,
+                     real leg, real heading, int turning, real *states);
+
 /* ---- clusters.c: small things in a scan ------------------------------------------------------ */
 
 struct kmpc_ring {

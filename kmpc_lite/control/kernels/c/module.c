@@ -512,6 +512,47 @@ static PyObject *rectangles(PyObject *self, PyObject *args)
     return done(b, 4, fits);
 }
 
+static int timed_of(struct kmpc_timed *path, const Py_buffer *b)
+{
+    path->poses = (int)reals(b + 1);
+    path->cusps = (int)reals(b + 2);
+    path->pose = b[0].buf;
+    path->time = b[1].buf;
+    path->cusp = b[2].buf;
+    return path->poses > 1 && holds(b, 3L * path->poses);
+}
+
+static PyObject *locate(PyObject *self, PyObject *args)
+{
+    Py_buffer b[5]; /* poses, times, cusps, pose, found */
+    struct kmpc_timed path = {0};
+    double place, least;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*w*ddd", b, b + 1, b + 2, b + 3, b + 4, &path.step, &place,
+                          &least))
+        return NULL;
+    const int fits = timed_of(&path, b) && holds(b + 3, 3) && holds(b + 4, 2);
+    if (fits)
+        kmpc_locate(&path, b[3].buf, place, least, b[4].buf);
+    return done(b, 5, fits);
+}
+
+static PyObject *along_path(PyObject *self, PyObject *args)
+{
+    Py_buffer b[5]; /* poses, times, cusps, later, states */
+    struct kmpc_timed path = {0};
+    double place, leg, heading;
+    int turning;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*w*ddddp", b, b + 1, b + 2, b + 3, b + 4, &path.braking,
+                          &place, &leg, &heading, &turning))
+        return NULL;
+    const int count = (int)reals(b + 3), fits = timed_of(&path, b) && holds(b + 4, 3L * count);
+    if (fits)
+        kmpc_along_path(&path, count, b[3].buf, place, leg, heading, turning, b[4].buf);
+    return done(b, 5, fits);
+}
+
 #define KERNEL(name) {#name, name, METH_VARARGS, NULL}
 
 static PyMethodDef kernels[] = {
@@ -522,6 +563,7 @@ static PyMethodDef kernels[] = {
     KERNEL(surely_clear),  KERNEL(admissible),      KERNEL(clusters),        KERNEL(follow),
     KERNEL(told_beams),    KERNEL(averaged_ranges), KERNEL(see_through),
     KERNEL(mark),          KERNEL(hit_boxes),       KERNEL(rectangles),
+    KERNEL(locate),        KERNEL(along_path),
     {NULL, NULL, 0, NULL},
 };
 

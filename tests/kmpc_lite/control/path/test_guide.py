@@ -9,6 +9,7 @@ from guided import GuideInUse
 
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lite.control.kernels.clearance import things_of
+from kmpc_lite.control.kernels.following import locate
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.path.planner import Path
@@ -142,9 +143,9 @@ def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
     way = Path(np.array([*turn, pose(0.0, 0.0, 1.7), pose(0.0, 0.0, 3.4)]))
     path = TimedPath(way, np.array([0.6, 0.7]))
     here = pose(0.0, 0.009, 2.0)
-    first, _ = path.locate(here, 0.0)
+    first, _ = locate(path.timed, here, 0.0, 0.0)
     assert first < path.drive_end
-    last, _ = path.locate(here, first, path.drive_end)
+    last, _ = locate(path.timed, here, first, path.drive_end)
     np.testing.assert_allclose(path.at(np.array([last]))[0], [0.0, 0.0, 2.0], atol=0.04)
 
 
