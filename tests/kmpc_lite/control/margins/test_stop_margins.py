@@ -50,9 +50,9 @@ def test_many_steps_with_noisy_poses_do_not_end_in_the_obstacle():
     for name, error in (("as measured", 0.0), ("sure", wary.quantile * noise)):
         wary.of.pose_error = error
         ends = []
-        for _ in range(40):
+        for _ in range(16):
             x = 1.0 - 0.35 - 0.05
-            for _ in range(100):
+            for _ in range(50):
                 seen = np.array([x + random.normal(0.0, noise), 0.0, 0.0])
                 x += 0.1 * wary.speed_share(seen, ahead, CIRCLES) * ahead[0]
             ends.append(1.0 - 0.35 - x)
