@@ -161,9 +161,7 @@ class Controller:
             kernels=kernels,
         )
         settings_of.check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
-        guide = None
-        if guidance:
-            guide = make_guide(units, options, clock, planner, scale, kernels)
+        guide = make_guide(units, options, clock, planner, scale, kernels) if guidance else None
         age = self._pose_age
         self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age, kernels)
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
