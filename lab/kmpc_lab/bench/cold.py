@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lab.bench.drives import RecordedDrive
+from kmpc_lab.bench.boards import this_machine
+from kmpc_lab.bench.drives import RecordedDrive, learned_model, record
 from kmpc_lab.bench.lidar import make_controller, record_turn
 from kmpc_lab.bench.measure import HEAD, QUANTILES, format_times, in_ms
-from kmpc_lab.studies.contenders import Contender
+from kmpc_lab.peers.paper import papers_problem
+from kmpc_lab.studies.contenders import COLD_CONTENDERS, FULL_STEP, Contender
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel
 
@@ -23,7 +25,10 @@ PAUSE = 0.01
 """Sleep before each step [s]."""
 KERNELS = {"in C": True, "in NumPy": False}
 """How our kernels run in the rows by lidar: by name, `Controller(compiled=)`."""
+PAST_CIRCLES = "past four circles, on the states of full steps; peers solve the paper's problem"
+BY_LIDAR = "full steps past circles and by lidar"
 Row = dict[str, Any]
+Progress = Callable[[int, int], None]
 
 
 class _Stepped:
@@ -52,7 +57,7 @@ def cold_steps(
     model: KoopmanModel,
     problem: NavigationProblem,
     drives: Sequence[RecordedDrive],
-    progress: Callable[[int, int], None] = lambda done, total: None,
+    progress: Progress,
 ) -> list[Row]:
     """Time the steps of contenders from the same states, in turns step by step.
 
@@ -81,9 +86,7 @@ def cold_steps(
     return [one.as_dict() for one in stepped]
 
 
-def cold_lidar_steps(
-    drives: int, seed: int, progress: Callable[[int, int], None] = lambda done, total: None
-) -> list[Row]:
+def cold_lidar_steps(drives: int, seed: int, progress: Progress) -> list[Row]:
     """Time steps past circles and by lidars (`lidar.BEAMS`), kernels in C and in NumPy, in turns.
 
     Parameters
@@ -124,18 +127,47 @@ def _in_turns(stepped: Sequence[_Stepped], steps: Sequence[tuple[Any, ...]]) -> 
             stepped[j].step(step, first=k == 0)
 
 
-def format_cold(tables: Mapping[str, Sequence[Row]]) -> str:
-    """Render tables by their titles; ratios are to the first row of each."""
+def compare_cold(
+    drives: int, steps: int, obstacles: int, seed: int, progress: Progress, by_lidar: Progress
+) -> dict[str, Any]:
+    """All tables: contenders on the states of full steps, and full steps by lidar.
+
+    Parameters
+    ----------
+    drives, steps, obstacles : int
+        Recorded drives of each kind, states of those past circles, and how many circles.
+    seed : int
+        Of the first drive; the others follow.
+    progress, by_lidar : callable
+        Called as drives of each table finish.
+
+    Returns
+    -------
+    dict
+        ``machine``, ``tables`` by their titles, and why contenders were ``left_out``.
+    """
+    model, problem = learned_model(), papers_problem()
+    left_out = {c.label: c.missing for c in COLD_CONTENDERS if c.missing}
+    field_of = [c for c in COLD_CONTENDERS if c.label not in left_out]
+    states = record(model, problem, drives, steps, obstacles, seed, FULL_STEP)
+    tables = {
+        PAST_CIRCLES: cold_steps(field_of, model, problem, states, progress),
+        BY_LIDAR: cold_lidar_steps(drives, seed, by_lidar),
+    }
+    return {"machine": this_machine(), "tables": tables, "left_out": left_out}
+
+
+def format_cold(told: Mapping[str, Any]) -> str:
+    """Render `compare_cold`; ratios are to the first row of each table."""
     lines = []
-    for title, rows in tables.items():
-        lines += [
-            title,
-            f"{'':<28}{'steps':>7}{HEAD}{''.join(f'{p:>9}' for p in QUANTILES)} x first",
-        ]
+    head = f"{'':<28}{'steps':>7}{HEAD}{''.join(f'{p:>9}' for p in QUANTILES)} x first"
+    for title, rows in told["tables"].items():
+        lines += [title, head]
         first = rows[0]["ms"]
         for row in rows:
             ratios = "".join(f"{row['ms'][p] / first[p]:9.3f}" for p in QUANTILES)
             times = format_times(row["ms"])
             lines.append(f"{row['name']:<28}{row['steps']:>7}{times}     {ratios}")
         lines.append("")
-    return "\n".join(lines).rstrip()
+    lines += [f"left out: {name}: {reason}" for name, reason in told["left_out"].items()]
+    return "\n".join(lines)

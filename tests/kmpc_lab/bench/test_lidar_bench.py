@@ -9,7 +9,6 @@ from pathlib import Path
 
 from kmpc_lab.bench import against, cold, lidar
 from kmpc_lab.cli.bench import jobs
-from kmpc_lab.studies import contenders
 from kmpc_lite.cli.main import main
 
 NAMES = ["4 circles", "scan, 360 beams", "scan, 720 beams", "scan, 1440 beams"]
@@ -43,8 +42,8 @@ def test_cold_steps_are_taken_in_turns(monkeypatch, capsys) -> None:
     """All contenders from the same states; drives past circles and by lidar in both languages."""
     monkeypatch.setattr(lidar, "STEPS", 4)
     monkeypatch.setattr(cold, "PAUSE", 0.0)
-    quick = [c for c in contenders.COLD_CONTENDERS if c.label.startswith("ours")]
-    monkeypatch.setattr(contenders, "COLD_CONTENDERS", quick)
+    quick = [c for c in cold.COLD_CONTENDERS if c.label.startswith("ours")]
+    monkeypatch.setattr(cold, "COLD_CONTENDERS", quick)
     assert main(["bench", "--cold", "--drives", "1", "--tuning", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     first, second = told["tables"].values()
@@ -56,7 +55,7 @@ def test_cold_steps_are_taken_in_turns(monkeypatch, capsys) -> None:
     # the first step of a drive is left out
     assert {row["steps"] for row in first} == {jobs.STEPS - 1}
     assert {row["steps"] for row in second} == {lidar.STEPS - 1}
-    assert "x first" in cold.format_cold(told["tables"])
+    assert "x first" in cold.format_cold(told)
 
 
 def test_another_commit_is_stepped_through_the_same_inputs(monkeypatch, capsys, tmp_path) -> None:

@@ -116,28 +116,11 @@ def _lidar(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _cold(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.bench.boards import this_machine
-    from kmpc_lab.bench.cold import cold_lidar_steps, cold_steps, format_cold
-    from kmpc_lab.bench.drives import learned_model
-    from kmpc_lab.peers.paper import papers_problem
-    from kmpc_lab.studies.contenders import COLD_CONTENDERS, FULL_STEP
+    from kmpc_lab.bench.cold import compare_cold, format_cold
 
-    model, problem = learned_model(), papers_problem()
-    left_out = {c.label: c.missing for c in COLD_CONTENDERS if c.missing}
-    field_of = [c for c in COLD_CONTENDERS if c.label not in left_out]
-    drives = _record(options, model, problem, driver=FULL_STEP)
-    bar = ProgressBar("cold", quiet=options.json)
-    tables = {
-        "past four circles, on the states of full steps; peers solve the paper's problem": (
-            cold_steps(field_of, model, problem, drives, bar)
-        ),
-        "full steps past circles and by lidar": cold_lidar_steps(
-            _drives(options), _seed(options), ProgressBar("cold, lidar", quiet=options.json)
-        ),
-    }
-    told = {"machine": this_machine(), "tables": tables, "left_out": left_out}
-    lines = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
-    return told, "\n".join([format_cold(tables), *lines])
+    bars = [ProgressBar(name, quiet=options.json) for name in ("cold", "cold, lidar")]
+    told = compare_cold(_drives(options), STEPS, OBSTACLES, _seed(options), *bars)
+    return told, format_cold(told)
 
 
 def _against(options: argparse.Namespace) -> tuple[Any, str]:
