@@ -74,14 +74,19 @@ def feedback_delay(model: MotionModel) -> int:
     """
     if not model.history:
         return round(unmodelled_delay(model) / model.dt)
+    return max(answers_late(model))
+
+
+def answers_late(model: MotionModel) -> tuple[int, int]:
+    """Periods until a speed, and a turn rate, has had half of its effect by a model's history."""
+    if not model.history:
+        return 0, 0
     rest = np.zeros((model.history, model.inputs))
     lin = model.linearize(np.zeros(STATES), np.zeros(model.inputs), rest)
     by_age = np.concatenate([lin.B[None], lin.B_past])
-    late = 0
-    for effect in (by_age[:, 0, 0], by_age[:, 2, -1]):
-        so_far = np.cumsum(effect)
-        late = max(late, int(np.argmax(so_far >= HALF_EFFECT * so_far[-1])))
-    return late
+    speed, turn = (np.cumsum(effect) for effect in (by_age[:, 0, 0], by_age[:, 2, -1]))
+    half_speed, half_turn = (sums >= HALF_EFFECT * sums[-1] for sums in (speed, turn))
+    return int(np.argmax(half_speed)), int(np.argmax(half_turn))
 
 
 def tube_memory(model: MotionModel) -> int:

@@ -12,7 +12,7 @@ from kmpc_lite.control.path.goal_checker import GoalTolerances, goal_tolerances
 from kmpc_lite.control.path.turning_centre import turning_centre
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.model.tube import feedback_delay
+from kmpc_lite.model.tube import answers_late
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -99,6 +99,9 @@ def capabilities(
         clearance_at_speed(problem, margins) if margins is not None and model.history else 0.0
     )
     speeds = drivable_speeds(model, problem)
+    speed_late, turn_late = answers_late(model)
+    if not problem.wheels.turns_on_the_spot:
+        turn_late = 0  # a car goes on as its speed does; what its steering does, it can still drive
     return Capabilities(
         *_timing(speeds, options.turn_share),
         turning_centre(model, problem),
@@ -107,7 +110,7 @@ def capabilities(
         _wheels(problem, float(speeds[2])),
         options.brake_share * float(problem.du_max[0]),
         # a delay that the model does not know is part of the pose's age
-        feedback_delay(model) if model.history else 0,
+        max(speed_late, turn_late),
     )
 
 

@@ -211,7 +211,7 @@ def draw_car(seed: int) -> CarRobot:
     return CarRobot(
         "car",
         chassis,
-        Footprint.rectangle(length, width, 0.5 * (base + before - behind)),
+        Footprint.rectangle(length, width, 0.5 * (behind - base - before)),
         0.5 * math.hypot(length, width),
         speed,
         float(random.choice((0.05, 0.1, 0.1, 0.2))),
