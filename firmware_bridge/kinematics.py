@@ -1,47 +1,117 @@
-"""Body speeds <-> wheel speeds, and odometry from wheel counters."""
+"""Body speeds <-> speeds of wheels on either side, of a car, or of an omni; how cars steer."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
-from firmware_bridge.messages import ConfigError
-from firmware_bridge.options import bounded, check
+from firmware_bridge.messages import ConfigError, Speeds
+from firmware_bridge.options import bounded, check, is_number
 
-WRAP = 2**32
-AGREE = 3
-"""So many counters in a row that agree with each other, and not with those before, are a new
-beginning."""
-SLACK, SHARE = 0.02, 0.1
-"""A wheel's step may differ from what its speeds before and after say by this [m], and by this
-share of it: stamps are late, and speeds are filtered."""
-ROLLS = 0.5
-"""A robot whose board restarts is taken to roll on for no longer than this [s]."""
+Row = tuple[float, float, float]
+"""Rim speed of a wheel [m/s] for each 1 of v [m/s], omega [rad/s] and vy [m/s]."""
 
 
-@dataclass(frozen=True)
-class WheelGeometry:
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """Wheels, each on its own motor: what all kinds share."""
+
+    wheel_radius: float = bounded(1e-3, 10.0, "m")
+    """[m]"""
+    max_wheel_speed: float = bounded(1e-3, 100.0, "m/s")
+    """At the rim [m/s]. Faster commands are scaled down on all wheels, which keeps the
+    curvature."""
+    gear_ratio: float = bounded(1e-3, 1e4, "", 1.0)
+    """Motor turns per wheel turn."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the wheels, in their order."""
+        raise NotImplementedError
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """How each wheel turns with the body."""
+        raise NotImplementedError
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """-1 for each motor that turns backwards for positive commands, else 1."""
+        raise NotImplementedError
+
+    @property
+    def still(self) -> tuple[float, ...]:
+        """Wheels that stand."""
+        return (0.0,) * len(self.names)
+
+    @cached_property
+    def _squares(self) -> list[float]:
+        return [sum(row[axis] ** 2 for row in self.rows) for axis in range(3)]
+
+    def wheels(self, v: float, omega: float, vy: float = 0.0) -> tuple[float, ...]:
+        """Wheel speeds [rad/s] for v [m/s], omega [rad/s] and an omni's vy [m/s].
+
+        Beyond the limit all are scaled, so that the curvature stays.
+
+        Raises
+        ------
+        ValueError
+            If a speed is not finite.
+        """
+        if not all(map(math.isfinite, (v, omega, vy))):
+            raise ValueError(f"expected finite speeds, got v = {v}, omega = {omega}, vy = {vy}")
+        # so that nothing overflows on its way to the limit
+        huge = max(abs(v), abs(omega), abs(vy), 1e6) / 1e6
+        v, omega, vy = v / huge, omega / huge, vy / huge
+        rims = [ahead * v + turn * omega + left * vy for ahead, turn, left in self.rows]
+        largest = max(map(abs, rims))
+        scale = self.max_wheel_speed / largest if largest > self.max_wheel_speed else 1.0
+        return tuple(rim * scale / self.wheel_radius for rim in rims)
+
+    def body(self, wheels: tuple[float, ...], curvature: float = 0.0) -> Speeds:
+        """Body speeds of wheel speeds [rad/s]; of a car, in a curvature [1/m]."""
+        v, omega, vy = (
+            self.wheel_radius
+            * sum(row[axis] * wheel for row, wheel in zip(self.rows, wheels, strict=True))
+            / square
+            if square
+            else 0.0
+            for axis, square in enumerate(self._squares)
+        )
+        return v, omega, vy
+
+    def to_channels(self, *wheels: float) -> tuple[float, ...]:
+        """Motor turns per second of the board's channels, from wheel speeds [rad/s]."""
+        factor = self.gear_ratio / math.tau
+        return tuple(factor * s * wheel for s, wheel in zip(self.signs, wheels, strict=True))
+
+    def from_channels(self, *channels: float) -> tuple[float, ...]:
+        """Wheels [rad or rad/s] from motor turns (per second) of the channels."""
+        factor = math.tau / self.gear_ratio
+        return tuple(factor * s * turns for s, turns in zip(self.signs, channels, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelGeometry(Geometry):
     """A robot with a left and a right wheel (or side), each on its own motor.
 
     Examples
     --------
     >>> rosbot = WheelGeometry(wheel_radius=0.0425, track=0.27, max_wheel_speed=0.9)
-    >>> left, right = rosbot.wheels(0.4, 1.0)
-    >>> v, omega = rosbot.body(left, right)
+    >>> v, omega, _ = rosbot.body(rosbot.wheels(0.4, 1.0))
     >>> round(v, 9), round(omega, 9)
     (0.4, 1.0)
     """
 
-    wheel_radius: float = bounded(1e-3, 10.0, "m")
-    """[m]"""
     track: float = bounded(1e-2, 100.0, "m")
     """Effective distance between the wheels [m]; skid-steer robots: 1.3 to 2 times the measured
     one."""
-    max_wheel_speed: float = bounded(1e-3, 100.0, "m/s")
-    """At the rim [m/s]. Faster commands are scaled down on both sides, which keeps the
-    curvature."""
-    gear_ratio: float = bounded(1e-3, 1e4, "", 1.0)
-    """Motor turns per wheel turn."""
     invert_left: bool = False
     """The left motor turns backwards for positive commands."""
     invert_right: bool = False
@@ -50,205 +120,161 @@ class WheelGeometry:
 
     def __post_init__(self) -> None:
         """Check the ranges, and that no wheel seems to be given in centimetres."""
-        check(self)
+        super().__post_init__()
         if self.wheel_radius > self.track:
             raise ConfigError(
                 f"wheel_radius: expected at most the track of {self.track:g} m, "
                 f"got {self.wheel_radius:g} m"
             )
 
-    def wheels(self, v: float, omega: float) -> tuple[float, float]:
-        """Wheel speeds (left, right) [rad/s] for v [m/s] and omega [rad/s].
+    names = "left", "right"
 
-        Beyond the limit both are scaled, so that the curvature stays.
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """How each wheel turns with the body."""
+        return (1.0, -self.track / 2.0, 0.0), (1.0, self.track / 2.0, 0.0)
 
-        Raises
-        ------
-        ValueError
-            If v or omega is not finite.
-        """
-        if not (math.isfinite(v) and math.isfinite(omega)):
-            raise ValueError(f"expected finite speeds, got v = {v}, omega = {omega}")
-        huge = max(abs(v), abs(omega)) / 1e6  # so that nothing overflows on its way to the limit
-        if huge > 1.0:
-            v, omega = v / huge, omega / huge
-        left, right = v - omega * self.track / 2.0, v + omega * self.track / 2.0
-        largest = max(abs(left), abs(right))
-        scale = self.max_wheel_speed / largest if largest > self.max_wheel_speed else 1.0
-        return left * scale / self.wheel_radius, right * scale / self.wheel_radius
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """-1 for each motor that turns backwards for positive commands, else 1."""
+        return (-1.0 if self.invert_left else 1.0), (-1.0 if self.invert_right else 1.0)
 
-    def body(self, left: float, right: float) -> tuple[float, float]:
-        """Body speeds v [m/s] and omega [rad/s] of wheel speeds [rad/s]."""
-        return self.wheel_radius * (left + right) / 2.0, self.wheel_radius * (
-            right - left
-        ) / self.track
+    def to_channels(self, *wheels: float) -> tuple[float, ...]:
+        """Motor turns per second of the board's channels, from wheel speeds [rad/s]."""
+        channels = super().to_channels(*wheels)
+        return channels[::-1] if self.swap else channels
 
-    def to_channels(self, left: float, right: float) -> tuple[float, float]:
-        """Motor turns per second of the board's two channels, from wheel speeds [rad/s]."""
-        factor = self.gear_ratio / math.tau
-        left = factor * (-left if self.invert_left else left)
-        right = factor * (-right if self.invert_right else right)
-        return (right, left) if self.swap else (left, right)
-
-    def from_channels(self, first: float, second: float) -> tuple[float, float]:
-        """Wheels (left, right) [rad or rad/s] from motor turns (per second) of both channels."""
-        left, right = (second, first) if self.swap else (first, second)
-        factor = math.tau / self.gear_ratio
-        return factor * (-left if self.invert_left else left), factor * (
-            -right if self.invert_right else right
-        )
+    def from_channels(self, *channels: float) -> tuple[float, ...]:
+        """Wheels [rad or rad/s] from motor turns (per second) of the channels."""
+        return super().from_channels(*(channels[::-1] if self.swap else channels))
 
 
-def wrapped(difference: float) -> float:
-    """Difference of two int32 counters that may have wrapped round in between.
+def curvature_of(v: float, omega: float, sharpest: float, before: float = 0.0) -> float:
+    """Curvature [1/m] to which a command [m/s, rad/s] steers a car's wheels, at most the sharpest.
+
+    A command to stand leaves them as they are (`before`); one to turn where the car stands steers
+    them to that side, as does any that asks for a sharper curve than they can be steered to.
+    """
+    if v == omega == 0.0:
+        return before
+    if abs(omega) < sharpest * abs(v):
+        return omega / v
+    return math.copysign(sharpest, omega if v >= 0.0 else -omega)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarGeometry(Geometry):
+    """A car: one motor drives the rear axle, a servo steers the front wheels.
 
     Examples
     --------
-    >>> wrapped(-2**31 - (2**31 - 1))
-    1
-    """
-    return (difference + WRAP // 2) % WRAP - WRAP // 2
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What a board said of both channels at a time."""
-
-    counts: tuple[float, float]
-    stamp: float
-    """[s]"""
-    speeds: tuple[float, float] | None
-    """Of the wheels (left, right) [rad/s]; None if the board does not tell."""
-
-
-class WheelOdometry:
-    """Pose from the counters of both channels, along exact arcs.
-
-    Parameters
-    ----------
-    geometry : WheelGeometry
-        Of the robot.
-    counts_per_turn : float
-        Counts per motor turn.
-    wraps : bool
-        Whether the counters are int32 that wrap round.
+    >>> car = CarGeometry(wheel_radius=0.05, max_wheel_speed=2.0, wheelbase=0.26,
+    ...                   steering_angle=0.4)
+    >>> [round(car.angle(car.steer(*command)), 3) for command in ((1.0, 0.5), (0.0, 0.5))]
+    [0.129, 0.4]
     """
 
-    def __init__(self, geometry: WheelGeometry, counts_per_turn: float, wraps: bool) -> None:
-        self._geometry, self._counts_per_turn, self._wraps = geometry, counts_per_turn, wraps
-        self._last: Reading | None = None
-        self._doubted: Reading | None = None
-        self._first: Reading
-        self._agreed = 0
-        self.x = self.y = self.theta = 0.0
-        """[m], [m], [rad] in (-pi, pi]"""
-        self.turned = (0.0, 0.0)
-        """How far the wheels (left, right) turned in the last step [rad]."""
-        self.beginnings = 0
-        """How often the counters went on elsewhere than they were: the board was restarted."""
+    wheelbase: float = bounded(1e-2, 100.0, "m")
+    """Distance between the axles [m]."""
+    steering_angle: float = bounded(1e-2, 1.5, "rad")
+    """Largest angle of the front wheels, to either side [rad]."""
+    steering_rate: float | None = bounded(1e-3, 1e3, "1/m/s", None)
+    """How fast the curvature can change [1/m per second]; at once if not given."""
+    invert: bool = False
+    """The motor turns backwards for positive commands."""
+
+    names = ("driven",)
+    rows = ((1.0, 0.0, 0.0),)
 
     @property
-    def count(self) -> float:
-        """How far a wheel turns in a count [rad]."""
-        return math.tau / (self._counts_per_turn * self._geometry.gear_ratio)
+    def signs(self) -> tuple[float, ...]:
+        """-1 for a motor that turns backwards for positive commands, else 1."""
+        return (-1.0 if self.invert else 1.0,)
 
-    def rebase(self) -> None:
-        """Forget the counters: the next ones are a new beginning at the same pose."""
-        if self._doubted is None or self._last is None:
-            self._last = self._doubted = None
-        else:  # they have been seen
-            self._begin(self._last)
+    @property
+    def sharpest(self) -> float:
+        """Largest curvature [1/m]."""
+        return math.tan(self.steering_angle) / self.wheelbase
 
-    def update(
-        self,
-        first: float,
-        second: float,
-        stamp: float,
-        speeds: tuple[float, float] | None = None,
-    ) -> bool:
-        """Move by what the counters say; False, without a move, for steps that no wheel can take.
+    def body(self, wheels: tuple[float, ...], curvature: float = 0.0) -> Speeds:
+        """Body speeds of the driven axle's speed [rad/s] in a curvature [1/m]."""
+        v = self.wheel_radius * wheels[0]
+        return v, v * curvature, 0.0
 
-        A damaged reply makes such a jump, and the next counters go on from those before it. A board
-        that was switched off and on makes one too, and the next counters go on from there. `speeds`
-        of both channels [motor turns/s] tell the way back to zero of such a board from a robot that
-        drives backward, however long nobody asked it.
-        """
-        wheel_speeds = None if speeds is None else self._geometry.from_channels(*speeds)
-        now = Reading((first, second), stamp, wheel_speeds)
-        if self._last is None:
-            self._last, self.turned = now, (0.0, 0.0)
-            return True
-        wheels = self._turned(self._last, now)
-        follows = self._doubted is not None and self._turned(self._doubted, now) is not None
-        if wheels is None or follows:
-            if not follows:
-                self._first = now
-            self._doubted, self._agreed = now, self._agreed + 1 if follows else 1
-            if self._agreed >= AGREE:
-                self._begin(self._last)
-                self.beginnings += 1
-            return False
-        self._last, self._doubted, self.turned = now, None, wheels
-        self._move(wheels)
-        return True
+    def steer(self, v: float, omega: float, before: float = 0.0) -> float:
+        """Curvature [1/m] to which a command [m/s, rad/s] steers the wheels: `curvature_of`."""
+        return curvature_of(v, omega, self.sharpest, before)
 
-    def _begin(self, before: Reading) -> None:
-        """Go on from the first counters that do not follow those before."""
-        self._move(self._rolled(before, self._first))
-        self._last, self._doubted = self._first, None
-
-    def _rolled(self, before: Reading, now: Reading) -> tuple[float, float]:
-        """How far the wheels (left, right) turned by their speeds alone, at a restart [rad]."""
-        if before.speeds is None or now.speeds is None:
-            return 0.0, 0.0
-        half = min(max(0.0, now.stamp - before.stamp), ROLLS) / 2.0
-        left, right = (half * (a + b) for a, b in zip(before.speeds, now.speeds, strict=True))
-        return left, right
-
-    def _move(self, wheels: tuple[float, float]) -> None:
-        """Go on along the arc of what the wheels (left, right) turned [rad]."""
-        forward, turn = self._geometry.body(*wheels)
-        half = turn / 2.0
-        chord = forward * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
-        self.x += chord * math.cos(self.theta + half)
-        self.y += chord * math.sin(self.theta + half)
-        self.theta = math.remainder(self.theta + turn, math.tau)
-
-    def _turned(self, before: Reading, now: Reading) -> tuple[float, float] | None:
-        """How far the wheels (left, right) turned [rad]; None if no wheel can have."""
-        first, second = now.counts[0] - before.counts[0], now.counts[1] - before.counts[1]
-        if self._wraps:
-            first, second = wrapped(first), wrapped(second)
-        left, right = self._wheels(first, second)
-        dt = max(0.0, now.stamp - before.stamp)
-        reach = (2.0 * self._geometry.max_wheel_speed * dt + SLACK) / self._geometry.wheel_radius
-        if not (abs(left) <= reach and abs(right) <= reach):
-            return None
-        return None if self._from_zero(before, now, (left, right), dt) else (left, right)
-
-    def _from_zero(
-        self, before: Reading, now: Reading, steps: tuple[float, float], dt: float
-    ) -> bool:
-        """Whether the speeds explain counters that began anew at zero, and not these steps."""
-        if before.speeds is None or now.speeds is None:
-            return False
-        since_zero, until = self._wheels(*now.counts), self._wheels(*before.counts)
-        for wheel, step in enumerate(steps):  # perhaps only one was read after the restart
-            ends = before.speeds[wheel] * dt, now.speeds[wheel] * dt
-            slack = SLACK / self._geometry.wheel_radius + SHARE * max(map(abs, ends))
-            back = abs(since_zero[wheel]) < abs(until[wheel])
-            anew = back and _outside(since_zero[wheel], (*ends, 0.0)) <= slack
-            if anew and _outside(step, ends) > slack:
-                return True
-        return False
-
-    def _wheels(self, first: float, second: float) -> tuple[float, float]:
-        """Wheels (left, right) [rad] of counts of both channels."""
-        return self._geometry.from_channels(
-            first / self._counts_per_turn, second / self._counts_per_turn
-        )
+    def angle(self, curvature: float) -> float:
+        """Angle of the front wheels [rad], to the left, in a curvature [1/m]."""
+        return math.atan(self.wheelbase * curvature)
 
 
-def _outside(value: float, bounds: tuple[float, ...]) -> float:
-    """How far a value lies outside of what some numbers span."""
-    return max(min(bounds) - value, value - max(bounds), 0.0)
+@dataclass(frozen=True, kw_only=True)
+class OmniGeometry(Geometry):
+    """Four mecanum wheels (`track`, `wheelbase`), or three or four omni wheels on arms (`arm`).
+
+    Mecanum wheels are front left, front right, rear left, rear right, and their rollers form an X,
+    seen from above. Omni wheels stand evenly around the middle: from the front left on,
+    counter-clockwise, and each drives counter-clockwise.
+
+    Examples
+    --------
+    >>> cart = OmniGeometry(wheel_radius=0.05, max_wheel_speed=1.0, track=0.3, wheelbase=0.3)
+    >>> [round(speed, 9) for speed in cart.wheels(0.0, 0.0, 0.2)]
+    [-4.0, 4.0, 4.0, -4.0]
+    """
+
+    track: float | None = bounded(1e-2, 100.0, "m", None)
+    """Distance between left and right mecanum wheels [m]."""
+    wheelbase: float | None = bounded(1e-2, 100.0, "m", None)
+    """Distance between front and rear mecanum wheels [m]."""
+    arm: float | None = bounded(1e-2, 100.0, "m", None)
+    """Distance of omni wheels from the middle [m]."""
+    count: int = bounded(3, 4, "wheels", 3)
+    """Of omni wheels."""
+    invert: Any = ()
+    """Numbers of the motors, from 1 on, that turn backwards for positive commands."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the wheels are of one kind."""
+        super().__post_init__()
+        if (self.arm is None) == (self.track is None or self.wheelbase is None):
+            raise ConfigError(
+                "wheels: expected track and wheelbase of mecanum wheels, or arm of omni wheels"
+            )
+        numbers = self.invert if isinstance(self.invert, list | tuple) else (None,)
+        if not all(is_number(n) and n in range(1, len(self.names) + 1) for n in numbers):
+            raise ConfigError(
+                f"invert: expected numbers of motors, 1 to {len(self.names)}, got {self.invert!r}"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the wheels, in their order."""
+        if self.arm is None:
+            return "front left", "front right", "rear left", "rear right"
+        return ("first", "second", "third", "fourth")[: self.count]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """How each wheel turns with the body."""
+        if self.arm is None:
+            assert self.track is not None and self.wheelbase is not None
+            turn = (self.track + self.wheelbase) / 2.0
+            return (1.0, -turn, -1.0), (1.0, turn, 1.0), (1.0, -turn, 1.0), (1.0, turn, -1.0)
+        places = (math.pi * (2 * k + 1) / self.count for k in range(self.count))
+        return tuple((-math.sin(place), self.arm, math.cos(place)) for place in places)
+
+    @property
+    def signs(self) -> tuple[float, ...]:
+        """-1 for each motor that turns backwards for positive commands, else 1."""
+        return tuple(-1.0 if k + 1 in self.invert else 1.0 for k in range(len(self.names)))
+
+
+KINDS: dict[str, type[Geometry]] = {
+    "differential": WheelGeometry,
+    "car": CarGeometry,
+    "omni": OmniGeometry,
+}
+"""What ``[geometry]`` takes, by kind of wheels."""

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+
+Speeds = tuple[float, float, float]
+"""v [m/s], omega [rad/s], and an omni's vy [m/s]."""
+STILL: Speeds = (0.0, 0.0, 0.0)
 
 
 class BridgeError(Exception):
@@ -38,6 +43,8 @@ class State:
     """Turn rate, counter-clockwise [rad/s]."""
     stamp: float
     """`time.monotonic()` at which this was true, as well as is known [s]."""
+    vy: float = 0.0
+    """Speed to the left of an omni [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,13 @@ class VelocityCommand:
     """[rad/s], counter-clockwise."""
     stamp: float
     """`time.monotonic()` at which it was computed [s]."""
+    vy: float = 0.0
+    """Of an omni, to the left [m/s]."""
+
+    @property
+    def speeds(self) -> Speeds:
+        """All of them."""
+        return self.v, self.omega, self.vy
 
 
 @dataclass(frozen=True)
@@ -85,6 +99,26 @@ class LinkStatus:
     """When the newest scan of the robot's lidar was measured; None for a robot without one."""
     scan_faults: tuple[str, ...] = ()
     """Why no scans come, in words."""
+
+
+def speeds_of(command: Iterable[float]) -> Speeds:
+    """Take a controller's command for speeds: (v, omega), or an omni's (v_x, v_y, omega)."""
+    v, *left, omega = map(float, command)
+    return v, omega, left[0] if left else 0.0
+
+
+def command_of(speeds: Speeds | None, inputs: int) -> tuple[float, ...]:
+    """Give speeds as a controller's command of so many numbers; NaN if they are not known.
+
+    Examples
+    --------
+    >>> command_of((0.3, 1.0, 0.1), 3), command_of((0.3, 1.0, 0.0), 2)
+    ((0.3, 0.1, 1.0), (0.3, 1.0))
+    """
+    if speeds is None:
+        return (math.nan,) * inputs
+    v, omega, vy = speeds
+    return (v, vy, omega) if inputs == 3 else (v, omega)
 
 
 Controller = Callable[[State], VelocityCommand]

@@ -15,11 +15,12 @@ from firmware_bridge.drivers.boards import BOARDS
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table, three_numbers
-from firmware_bridge.robot_checks import check_period, check_wheels
+from firmware_bridge.robot_checks import check_kind, check_period, check_wheels
 from firmware_bridge.safety.gate_settings import TICK, GateSettings
 from firmware_bridge.safety.limits import Limits
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.pose import check_pose_url
+from firmware_bridge.wheels import TWO_SIDES, Wheels, read_wheels
 from kmpc_lite.reading import read_toml
 
 DRIVERS = tuple(BOARDS)
@@ -38,6 +39,8 @@ class RobotOptions:
     """Of this vehicle; its recordings carry it, and a model of another name is refused."""
     footprint: Any = None
     """What it covers about its pose: length, width and ahead [m], or corners; as read."""
+    wheels: Any = None
+    """What it drives on: a kind, or a table of it: `firmware_bridge.wheels.Wheels`."""
 
     def __post_init__(self) -> None:
         """Check the length."""
@@ -124,6 +127,8 @@ class Robot:
     name: str | None = None
     footprint: Any = None
     """Both of the vehicle: `RobotOptions`."""
+    wheels: Wheels = TWO_SIDES
+    """What it drives on."""
 
     @property
     def vehicle(self) -> dict[str, str | float | bool]:
@@ -134,6 +139,7 @@ class Robot:
             **named,
             "driver": self.link.driver,
             "poses": poses,
+            **self.wheels.vehicle,
             **self.sections.get("geometry", {}),
         }
 
@@ -162,7 +168,9 @@ class Robot:
                 f"link.pose: missing: a {entry.label} has no encoders; give --pose udp:HOST:PORT, "
                 "where motion capture sends"
             )
-        return {"board": board, "geometry": geometry}
+        if self.wheels.kind == "car" and not self.is_autopilot:
+            geometry = {**geometry, **self.wheels.steering}
+        return {"board": board, "geometry": geometry, "wheels": self.wheels.kind}
 
 
 def load_robot(
@@ -243,7 +251,10 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         ) from None
     if control.period is not None:
         check_period(control.period, gate)
-    check_wheels(sections.get("limits", {}), sections.get("geometry", {}))
+    geometry = sections.get("geometry", {})
+    wheels = read_wheels(vehicle.wheels, geometry)
+    check_kind(wheels.kind, BOARDS.get(link.driver), limits)
+    check_wheels(sections.get("limits", {}), geometry)
     return Robot(
         where,
         link,
@@ -255,6 +266,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         sections,
         vehicle.name,
         vehicle.footprint,
+        wheels,
     )
 
 

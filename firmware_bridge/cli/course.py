@@ -139,7 +139,7 @@ def beyond(robot: Robot, goal: Pose) -> str:
 
 
 def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:
-    """Scenario of a robot's file, with the file's footprint, and with a command line's wishes.
+    """Scenario of a robot's file, with its footprint and wheels, and a command line's wishes.
 
     Raises
     ------
@@ -147,6 +147,7 @@ def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:
         For a scenario that is missing, or cannot be read.
     """
     from kmpc_lite.control import Footprint
+    from kmpc_lite.control.wheels import Car, Omni, read_wheels
     from kmpc_lite.errors import KmpcError
     from kmpc_lite.reading import parse_toml
     from kmpc_lite.scenario.drawn import drawn_table
@@ -166,16 +167,20 @@ def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:
         wishes.put(table)
         # what is drawn of a map without bounds has room around it, and is where the robot may go
         scenario = replace(Scenario.from_table(table, name, named or name), has_area=True)
-        if robot.footprint is None:
+        if robot.footprint is not None:
+            scenario = replace(scenario, footprint=Footprint.of(robot.footprint))
+        if robot.wheels.kind == "differential" and not isinstance(scenario.wheels, Car | Omni):
             return scenario
-        return replace(scenario, footprint=Footprint.of(robot.footprint))
+        return replace(scenario, wheels=read_wheels(robot.wheels.table))
     except KmpcError as error:
         raise ConfigError(str(error)) from error
 
 
-def _wheels(robot: Robot) -> dict[str, Any]:
-    """What the wheels of a board's robot can do together; an autopilot mixes them itself."""
+def _together(robot: Robot) -> dict[str, Any]:
+    """What wheels on either side can do together; an autopilot mixes them itself."""
     geometry = robot.sections.get("geometry", {})
+    if robot.wheels.kind != "differential":
+        return {}
     return {key: geometry[key] for key in ("track", "max_wheel_speed") if key in geometry}
 
 
@@ -188,7 +193,8 @@ def load_model(robot: Robot, rehearse: bool = False) -> tuple[Robot, Any, tuple[
     file, period = robot.control.model, robot.control.period
     if file is None:
         robot, note = with_latency(robot, None)
-        return robot, kl.nominal_unicycle(period or 0.1), (note,) if note else ()
+        nominal = kl.nominal_omni if robot.wheels.kind == "omni" else kl.nominal_unicycle
+        return robot, nominal(period or 0.1), (note,) if note else ()
     learned = kl.KoopmanModel.load(file)
     robot, notes = fit_for(robot, learned, file)
     robot = at_half_speed(robot) if rehearse else robot
@@ -229,9 +235,10 @@ def goal_tolerance(scenario: Any) -> tuple[float, float]:
 def base_problem(robot: Robot, dt: float) -> Any:
     """Build a problem with the robot's limits, of a period [s]."""
     import kmpc_lite as kl
+    from kmpc_lite.control.wheels import read_wheels
 
     limits = robot.gate.limits
-    return kl.NavigationProblem(
+    problem = kl.NavigationProblem(
         dt=dt,
         horizon=min(100, max(20, round(LOOK_AHEAD / dt))),
         u_min=(-limits.v_reverse, -limits.omega_max),
@@ -239,8 +246,14 @@ def base_problem(robot: Robot, dt: float) -> Any:
         # a plan that knows nothing of the gate's ramps brakes too late, and swings about its goal
         du_max=(limits.acceleration, limits.angular_acceleration),
         deceleration=(limits.deceleration, limits.angular_deceleration),
-        **_wheels(robot),
-    )
+        **_together(robot),
+    ).with_wheels(read_wheels(robot.wheels.table))
+    if problem.wheels.inputs == 2:
+        return problem
+    v_min, _, omega_min = problem.u_min
+    v_max, _, omega_max = problem.u_max
+    aside = limits.sideways
+    return replace(problem, u_min=(v_min, -aside, omega_min), u_max=(v_max, aside, omega_max))
 
 
 def adaptation(robot: Robot) -> bool | None:

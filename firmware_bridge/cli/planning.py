@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from firmware_bridge.messages import command_of, speeds_of
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
 
 if TYPE_CHECKING:
     from firmware_bridge.runtime.navigator import Moment, Step
     from firmware_bridge.runtime.route import Route
-
-UNKNOWN = (math.nan, math.nan)
-"""The command of a period whose command on the wire is unknown."""
 
 
 def planning(
@@ -29,6 +26,7 @@ def planning(
     from firmware_bridge.runtime.navigator import Planned
 
     solids = () if scenario.solids is None else scenario.solids.solids
+    inputs = controller.problem.wheels.inputs
     sees, told = robot.lidar is not None, robot.control.map
 
     def step(pose: Pose, circles: Any, moment: Moment) -> Planned:
@@ -39,13 +37,13 @@ def planning(
         obstacles = [*circles, *solids] if solids else circles
         if sees:
             obstacles = [*(obstacles if told else ()), laser_scan(moment.scan)]
-        plan = controller.step(pose, route.goal, obstacles, sent=moment.held or UNKNOWN)
+        plan = controller.step(pose, route.goal, obstacles, sent=command_of(moment.held, inputs))
         if len(route.goals) > 1:
             plan = replace(plan, leg=route.leg)
         for saw in watchers:
             saw(pose, plan)
-        v, omega = map(float, plan.command)
-        return Planned(v, omega, plan.status.name, plan.reason)
+        v, omega, vy = speeds_of(plan.command)
+        return Planned(v, omega, plan.status.name, plan.reason, vy)
 
     return step
 

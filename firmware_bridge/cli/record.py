@@ -18,6 +18,7 @@ from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
+    from firmware_bridge.messages import Speeds
     from firmware_bridge.runtime.record_drive import Covered, Meter
 
 PERIOD = 0.1
@@ -94,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
         period=period,
         excitation=None if options.by_hand else driving,
         out=people(options),
-        meter=coverage_meter(period),
+        meter=coverage_meter(period, robot.wheels.kind == "car"),
         wait=options.wait,
     )
     if options.json:
@@ -102,16 +103,15 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
-def coverage_meter(period: float) -> Meter:
-    """The rule by which `kmpc fit` warns, for rows of so long a period [s]."""
+def coverage_meter(period: float, steered: bool = False) -> Meter:
+    """The rule by which `kmpc fit` warns, for rows of so long a period [s], perhaps a car's."""
     import numpy as np
 
     from kmpc_lite.learn.coverage import find_coverage
 
-    def meter(
-        stretches: list[list[tuple[float, float]]], largest: tuple[float, float, float] | None
-    ) -> Covered:
-        return find_coverage([np.array(s) for s in stretches if s], period, largest)
+    def meter(stretches: list[list[Speeds]], largest: tuple[float, float, float] | None) -> Covered:
+        rows = [np.array(stretch)[:, :2] for stretch in stretches if stretch]
+        return find_coverage(rows, period, largest, steered)
 
     return meter
 

@@ -175,7 +175,7 @@ class Rehearsal:
     ) -> None:
         """Take in one tick of the loop."""
         driven = output.state in (GateState.ACTIVE, GateState.STOPPING)
-        command = (output.v, output.omega) if sent else None
+        command = output.speeds if sent else None
         self._rows += self._sampler.take(Tick(now, state, command, driven, fresh))
 
     def saw(self, *_: object) -> None:

@@ -28,8 +28,8 @@ class Driver(Protocol):
         """Newest state, or None before the first."""
         ...
 
-    def send(self, v: float, omega: float) -> None:
-        """Command forward speed [m/s] and turn rate [rad/s].
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
+        """Command forward speed [m/s], turn rate [rad/s], and an omni's speed to the left [m/s].
 
         Non-finite values raise ValueError before any byte is written.
         """

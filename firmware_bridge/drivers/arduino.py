@@ -12,10 +12,11 @@ from firmware_bridge.drivers.polled.options import (
     check_watchdog,
     counts_per_metre,
 )
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import crc16
 from firmware_bridge.messages import LinkError
+from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
 VERSION = 1
@@ -70,9 +71,7 @@ class ArduinoDriver(LineDriver):
     board = "Arduino"
     options_type = ArduinoOptions
 
-    def __init__(
-        self, transport: Transport, geometry: WheelGeometry, options: ArduinoOptions
-    ) -> None:
+    def __init__(self, transport: Transport, geometry: Geometry, options: ArduinoOptions) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
         super().__init__(transport, geometry, odometry, options)
         counts_per_metre(geometry, options.counts_per_turn)
@@ -94,7 +93,8 @@ class ArduinoDriver(LineDriver):
     def _poll(self, cycle: int) -> None:
         self._take(*self._request("P", "", 6))
 
-    def _drive(self, first: float, second: float) -> None:
+    def _drive(self, *turns: float) -> None:
+        first, second = turns
         speeds = (round(first * self._counts_per_turn), round(second * self._counts_per_turn))
         self._request("V", f" {speeds[0]} {speeds[1]} {self._watchdog}", 6)
 

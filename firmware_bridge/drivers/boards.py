@@ -24,6 +24,8 @@ class BoardEntry:
     latency: float = 0.0
     """From a command to the wheels, for a model without input history, by default
     [s]. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
+    wheels: tuple[str, ...] = ("differential",)
+    """Kinds of wheels that it can drive."""
     encoders: bool = True
     """Whether it tells how the robot moves; if not, poses must come from outside."""
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -42,6 +44,7 @@ BOARDS = {
             # an autopilot's own speed loop lags: on the emulated rover the nominal unicycle grazes
             # obstacles with 0.1 s or less, not with 0.2 or 0.3 s
             latency=0.2,
+            wheels=("differential", "car"),
             options={"arm": True},
             geometry={},
         ),

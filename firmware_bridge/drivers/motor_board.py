@@ -5,9 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
 
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import KINDS, Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.options import from_table
+
+
+def geometry_of(table: Mapping[str, Any]) -> Geometry:
+    """Read wheels and ``[geometry]`` of a robot file; ConfigError names a wrong key."""
+    kind = KINDS[table.get("wheels", "differential")]
+    return from_table(kind, table.get("geometry", {}), "geometry")
 
 
 class MotorBoard:
@@ -19,11 +25,11 @@ class MotorBoard:
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> Self:
-        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
+        """Build it from wheels, ``[geometry]`` and ``[board]`` of a robot file.
 
         ConfigError names a wrong key.
         """
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
+        geometry = geometry_of(table)
         # each board's third argument are its own options
         build: Callable[..., Self] = cls
         return build(

@@ -8,12 +8,13 @@ import time
 from dataclasses import dataclass
 
 from firmware_bridge.drivers.odrive_errors import REGISTERS
-from firmware_bridge.drivers.polled import STANDSTILL, LineDriver, NoReply
+from firmware_bridge.drivers.polled import LineDriver, NoReply
 from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import odrive_line, odrive_text
 from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
 IDLE, CLOSED_LOOP = 1, 8
@@ -65,7 +66,7 @@ class ODriveDriver(LineDriver):
     answers_commands = False
 
     def __init__(
-        self, transport: Transport, geometry: WheelGeometry, options: ODriveOptions | None = None
+        self, transport: Transport, geometry: Geometry, options: ODriveOptions | None = None
     ) -> None:
         options = options or ODriveOptions()
         odometry = WheelOdometry(geometry, 1.0, wraps=False)
@@ -182,7 +183,7 @@ class ODriveDriver(LineDriver):
     def _feed_idle(self) -> None:
         """Feed the watchdogs with zeros, and with nothing else, without commands."""
         with self._changed:
-            idle = self._held.value == STANDSTILL and not self._released
+            idle = not any(self._held.value) and not self._released
         if idle and time.monotonic() - self._fed > self._options.watchdog / 4.0:
             self._drive(0.0, 0.0)
 
@@ -212,7 +213,8 @@ class ODriveDriver(LineDriver):
     def _watchdog_is_set(self, axis: int) -> bool:
         return self._number(f"axis{axis}.config.enable_watchdog") == 1.0
 
-    def _drive(self, first: float, second: float) -> None:
+    def _drive(self, *speeds: float) -> None:
+        first, second = speeds
         self._say(f"v {self._axes[0]} {first:.6f} 0", f"v {self._axes[1]} {second:.6f} 0")
         self._fed = time.monotonic()
 

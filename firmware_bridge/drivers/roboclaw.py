@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.drivers.polled.options import PolledOptions, counts_per_metre
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.messages import LinkError
+from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
 SET_TIMEOUT = 14
@@ -115,9 +116,7 @@ class RoboClawDriver(PolledDriver):
     board = "RoboClaw"
     options_type = RoboClawOptions
 
-    def __init__(
-        self, transport: Transport, geometry: WheelGeometry, options: RoboClawOptions
-    ) -> None:
+    def __init__(self, transport: Transport, geometry: Geometry, options: RoboClawOptions) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
         super().__init__(transport, geometry, odometry, options)
         per_metre = counts_per_metre(geometry, options.counts_per_turn)
@@ -172,7 +171,8 @@ class RoboClawDriver(PolledDriver):
     def _watchdog_is_set(self) -> bool:
         return self._read(GET_TIMEOUT, 1)[0][0] == self._watchdog
 
-    def _drive(self, first: float, second: float) -> None:
+    def _drive(self, *turns: float) -> None:
+        first, second = turns
         speeds = struct.pack(
             ">ii", round(first * self._counts_per_turn), round(second * self._counts_per_turn)
         )

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from firmware_bridge.drivers.polled import LineDriver
 from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
+from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
 FAULTS = (
@@ -71,9 +72,7 @@ class RoboteqDriver(LineDriver):
     board = "Roboteq"
     options_type = RoboteqOptions
 
-    def __init__(
-        self, transport: Transport, geometry: WheelGeometry, options: RoboteqOptions
-    ) -> None:
+    def __init__(self, transport: Transport, geometry: Geometry, options: RoboteqOptions) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
         super().__init__(transport, geometry, odometry, options)
         self._counts_per_turn = options.counts_per_turn
@@ -123,7 +122,8 @@ class RoboteqDriver(LineDriver):
     def _watchdog_is_set(self) -> bool:
         return self._numbers("~RWD", "RWD")[0] == [self._watchdog]
 
-    def _drive(self, first: float, second: float) -> None:
+    def _drive(self, *speeds: float) -> None:
+        first, second = speeds
         frame = b"!S 1 %d\r!S 2 %d\r" % (round(first * RPM), round(second * RPM))
         self._exchange.ask(frame, BOTH)
 

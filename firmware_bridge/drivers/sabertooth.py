@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 
 from firmware_bridge.drivers.ticking import TickingDriver
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 from firmware_bridge.options import bounded, check
@@ -71,7 +71,7 @@ class SabertoothDriver(TickingDriver):
     ----------
     transport : Transport
         Not yet started; the driver starts and closes it.
-    geometry : WheelGeometry
+    geometry : Geometry
         Of the robot.
     options : SabertoothOptions
         Addresses, full speed, watchdog.
@@ -80,7 +80,7 @@ class SabertoothDriver(TickingDriver):
     board, options_type, tick = "Sabertooth", SabertoothOptions, TICK
 
     def __init__(
-        self, transport: Transport, geometry: WheelGeometry, options: SabertoothOptions
+        self, transport: Transport, geometry: Geometry, options: SabertoothOptions
     ) -> None:
         if geometry.max_wheel_speed > options.full_speed:
             raise ConfigError(
@@ -90,9 +90,9 @@ class SabertoothDriver(TickingDriver):
         super().__init__(transport, geometry)
         self._options = options
         wheel = options.full_speed / geometry.wheel_radius
-        self._full = abs(geometry.to_channels(wheel, wheel)[0])
+        self._full = wheel * geometry.gear_ratio / math.tau
         self._watchdog = math.ceil(round(options.watchdog / TIMEOUT_UNIT, 6))
-        self._command, self._wheels = (0, 0), (0.0, 0.0)
+        self._command, self._wheels = (0, 0), geometry.still
         self._stamp = self._reminded = -math.inf
         self._links = -1
         self._counters = dict.fromkeys(("stale_commands", "refused_commands", "setups"), 0)
@@ -106,15 +106,15 @@ class SabertoothDriver(TickingDriver):
 
     def state(self) -> State | None:
         """Speeds as commanded, at the origin: only a pose from outside makes a pose of it."""
-        v, omega = self._geometry.body(*self._wheels)
+        v, omega, _ = self._geometry.body(self._wheels)
         return State(0.0, 0.0, 0.0, v, omega, time.monotonic())
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Command speeds; written at once."""
-        wheels = self._geometry.wheels(v, omega)
+        wheels = self._geometry.wheels(v, omega, vy)
         first, second = self._geometry.to_channels(*wheels)
         with self._lock:
-            if wheels == (0.0, 0.0):
+            if not any(wheels):
                 self._released = False  # only standing still may take the motors back
             elif self._released:
                 self._counters["refused_commands"] += 1
@@ -140,7 +140,7 @@ class SabertoothDriver(TickingDriver):
         share = turns_per_second / self._full
         return max(-FULL, min(FULL, round(FULL * share)))
 
-    def _set(self, first: int, second: int, wheels: tuple[float, float]) -> None:
+    def _set(self, first: int, second: int, wheels: tuple[float, ...]) -> None:
         self._command, self._wheels, self._stamp = (first, second), wheels, time.monotonic()
         self._write()
 
@@ -164,7 +164,7 @@ class SabertoothDriver(TickingDriver):
         )
 
     def _halt(self) -> None:
-        self._set(0, 0, (0.0, 0.0))
+        self._set(0, 0, self._geometry.still)
 
     def _remind(self, now: float) -> None:
         links = self._transport.counters["reconnects"]
@@ -177,6 +177,6 @@ class SabertoothDriver(TickingDriver):
             self._lock.notify_all()
         if self._command != (0, 0) and now - self._stamp > self._options.command_timeout:
             self._counters["stale_commands"] += 1
-            self._command, self._wheels = (0, 0), (0.0, 0.0)
+            self._command, self._wheels = (0, 0), self._geometry.still
         if self._command == (0, 0):
             self._write()  # a repeated zero; anything else is for the gate to repeat

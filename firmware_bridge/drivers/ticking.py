@@ -7,7 +7,7 @@ import time
 from typing import ClassVar
 
 from firmware_bridge.drivers.motor_board import MotorBoard
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.protocol import OnBytes
 
@@ -19,14 +19,14 @@ class TickingDriver(MotorBoard):
     ----------
     transport : Transport
         Not yet started; the driver starts and closes it.
-    geometry : WheelGeometry
+    geometry : Geometry
         Of the robot.
     """
 
     tick: ClassVar[float]
     """Between two reminders [s]."""
 
-    def __init__(self, transport: Transport, geometry: WheelGeometry) -> None:
+    def __init__(self, transport: Transport, geometry: Geometry) -> None:
         self._transport, self._geometry = transport, geometry
         self._lock = threading.Condition()
         self._thread: threading.Thread | None = None

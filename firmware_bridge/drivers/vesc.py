@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.drivers.polled.options import PolledOptions
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.messages import ConfigError
+from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
 FW_VERSION = 0
@@ -94,7 +95,7 @@ class VescDriver(PolledDriver):
     options_type = VescOptions
     answers_commands = False
 
-    def __init__(self, transport: Transport, geometry: WheelGeometry, options: VescOptions) -> None:
+    def __init__(self, transport: Transport, geometry: Geometry, options: VescOptions) -> None:
         odometry = WheelOdometry(geometry, STEPS_PER_ELECTRIC_TURN * options.pole_pairs, wraps=True)
         super().__init__(transport, geometry, odometry, options)
         self._erpm = 60.0 * options.pole_pairs
@@ -160,7 +161,8 @@ class VescDriver(PolledDriver):
         reply, stamp = self._ask(vesc_packet(request), (which, self._selective))
         return (*_numbers(reply), stamp)
 
-    def _drive(self, first: float, second: float) -> None:
+    def _drive(self, *speeds: float) -> None:
+        first, second = speeds
         payloads = [
             self._set_point(first),
             bytes((FORWARD_CAN, self._can_id)) + self._set_point(second),

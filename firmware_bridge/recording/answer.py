@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from firmware_bridge.messages import State
+from firmware_bridge.messages import STILL, Speeds, State
 
 
 @dataclass(frozen=True)
@@ -39,39 +39,39 @@ class Answer(NamedTuple):
 
 
 class AnswerMeter:
-    """Compares commands on the wire with the motion that the poses show.
+    """Compares commands on the wire with the motion that the poses show: each of three speeds.
 
     Parameters
     ----------
     period : float
         Between two samples [s].
     largest : tuple
-        Largest commanded speed [m/s] and turn rate [rad/s].
+        Largest commanded speed [m/s], turn rate [rad/s], and speed to the left [m/s].
     options : AnswerOptions, optional
         What is believed.
     """
 
     def __init__(
-        self, period: float, largest: tuple[float, float], options: AnswerOptions | None = None
+        self, period: float, largest: Speeds, options: AnswerOptions | None = None
     ) -> None:
         self._options = AnswerOptions() if options is None else options
         self._period, self._largest = period, largest
         self._lags = round(self._options.longest / period)
         self._span = max(1, round(self._options.window / period))
         self._first = self._span + self._lags
-        self._told: deque[tuple[float, float]]
-        self._done: deque[tuple[float, float]]
+        self._told: deque[Speeds]
+        self._done: deque[Speeds]
         self._last: State | None = None
         self.forget()
 
     def forget(self) -> None:
         """Begin anew with a robot that stands, after an interruption too."""
         size = round(self._options.recent / self._period) + self._first + 1
-        still = [(0.0, 0.0)] * (self._first + 1)
+        still = [STILL] * (self._first + 1)
         self._told, self._done = deque(still, maxlen=size), deque(still, maxlen=size)
         self._last = None
 
-    def add(self, state: State, command: tuple[float, float]) -> None:
+    def add(self, state: State, command: Speeds) -> None:
         """Take in the pose at the end of a period, and the mean command in it."""
         before, self._last = self._last, state
         if before is None:
@@ -79,11 +79,10 @@ class AnswerMeter:
         told, done = self._told[-1], self._done[-1]
         turn = math.remainder(state.theta - before.theta, math.tau)
         heading = before.theta + 0.5 * turn
-        ahead = (state.x - before.x) * math.cos(heading) + (state.y - before.y) * math.sin(heading)
-        self._told.append(
-            (told[0] + command[0] * self._period, told[1] + command[1] * self._period)
-        )
-        self._done.append((done[0] + ahead, done[1] + turn))
+        cos, sin = math.cos(heading), math.sin(heading)
+        dx, dy = state.x - before.x, state.y - before.y
+        self._told.append(add(told, command, self._period))
+        self._done.append(add(done, (dx * cos + dy * sin, turn, dy * cos - dx * sin)))
 
     @property
     def is_long(self) -> bool:
@@ -97,6 +96,10 @@ class AnswerMeter:
     def turn(self) -> Answer | None:
         """Answer to omega; None while too little was commanded."""
         return self._answer(1)
+
+    def aside(self) -> Answer | None:
+        """Answer to vy; None while too little was commanded."""
+        return self._answer(2)
 
     def _answer(self, which: int) -> Answer | None:
         told = [row[which] for row in self._told]
@@ -116,3 +119,9 @@ class AnswerMeter:
             if abs(likeness) > abs(best.likeness) + 1e-9:
                 best = Answer(distance, both / size, likeness, lag * self._period)
         return best
+
+
+def add(one: Speeds, other: Speeds, times: float = 1.0) -> Speeds:
+    """Add speeds, so many times the other."""
+    v, omega, vy = (a + times * b for a, b in zip(one, other, strict=True))
+    return v, omega, vy

@@ -8,8 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from firmware_bridge.messages import ConfigError, State, VelocityCommand
+from firmware_bridge.messages import STILL, ConfigError, Speeds, State, VelocityCommand
+from firmware_bridge.recording.ways import WAYS, Fastest, Place
 from firmware_bridge.safety.limits import Limits
+from firmware_bridge.wheels import TWO_SIDES, Wheels
 
 SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Of v and omega, one scenario after the other (paper, sec. V.B)."""
@@ -70,6 +72,8 @@ class Excitation:
         Whether there are dashes, stops and turns on the spot; without them all is the paper's.
     options : ExcitationOptions, optional
         How it follows from the robot.
+    wheels : Wheels
+        Of the robot: a car keeps to curves that it can be steered to, an omni drives sideways, too.
 
     Raises
     ------
@@ -87,9 +91,11 @@ class Excitation:
         delay: Callable[[], float | None] = lambda: None,
         manoeuvres: bool = True,
         options: ExcitationOptions | None = None,
+        wheels: Wheels = TWO_SIDES,
     ) -> None:
         self._options = ExcitationOptions() if options is None else options
         self._limits, self._given_hold, self._delay = limits, hold, delay
+        self._ways = WAYS[wheels.kind](wheels)
         self._middle = ((fence[0] + fence[2]) / 2.0, (fence[1] + fence[3]) / 2.0)
         self._size = fence[2] - fence[0], fence[3] - fence[1]
         self._signs = SIGNS if limits.v_reverse > 0.0 else SIGNS[:2]
@@ -98,8 +104,8 @@ class Excitation:
         self._random = random.Random(seed)
         self._scenario = -1
         self._scenario_ends = self._dash_at = self._until = -math.inf
-        self._queue: deque[tuple[float, float, float]] = deque()
-        self._command = (0.0, 0.0)
+        self._queue: deque[tuple[Speeds, float]] = deque()
+        self._command = STILL
         self._left: tuple[float, float] | None = None
         self.returning = False
         """Whether it is on its way back to the middle."""
@@ -115,13 +121,15 @@ class Excitation:
         return self._options.caution * max(delay, self._options.shortest_delay)
 
     @property
-    def largest(self) -> tuple[float, float, float]:
-        """Speeds forward and back [m/s] and turn rate [rad/s] that this fence allows."""
+    def largest(self) -> Fastest:
+        """Speeds that this fence allows."""
         limits, room = self._limits, min(self._size) / (4.0 * self._options.spare)
+        room = max(0.0, room - self._ways.room)
         reaction, braking = self.reaction, limits.deceleration
         most = braking * (math.sqrt(reaction**2 + 2.0 * room / braking) - reaction)
         most = min(most, room / (reaction + 0.5 * self._turn_ramp))
-        return min(limits.v_max, most), min(limits.v_reverse, most), limits.omega_max
+        forward, back, aside = limits.v_max, limits.v_reverse, limits.sideways
+        return Fastest(min(forward, most), min(back, most), limits.omega_max, min(aside, most))
 
     @property
     def hold(self) -> float:
@@ -133,14 +141,14 @@ class Excitation:
     @property
     def _ramp(self) -> float:
         """How long it takes to change from standing to the largest speeds [s]."""
-        limits, (forward, back, turn) = self._limits, self.largest
+        limits, (forward, back, turn, _) = self._limits, self.largest
         return max(max(forward, back) / limits.acceleration, turn / limits.angular_acceleration)
 
     def _margin(self) -> float:
         """Where it turns back: so far before the fence [m]."""
         fastest = max(self.largest[:2])
         ramp = max(fastest / self._limits.deceleration, self._turn_ramp)
-        return self._options.spare * fastest * (self.reaction + 0.5 * ramp)
+        return self._options.spare * (fastest * (self.reaction + 0.5 * ramp) + self._ways.room)
 
     @property
     def _turn_ramp(self) -> float:
@@ -183,7 +191,8 @@ class Excitation:
             self._dash_at = now + self._options.dash * length if self._manoeuvres else math.inf
         signs = self._signs[self._scenario]
         x, y = state.x - self._middle[0], state.y - self._middle[1]
-        half = [size / 2.0 - self._margin() for size in self._size]
+        margin = self._margin()
+        half = self._size[0] / 2.0 - margin, self._size[1] / 2.0 - margin
         was, out = self.returning, max(abs(x) / half[0], abs(y) / half[1])
         self.returning = out > (0.6 if was else 1.0)
         beyond = max(abs(x) - half[0], abs(y) - half[1])
@@ -191,39 +200,35 @@ class Excitation:
         if self.returning:
             self._until = -math.inf
             self._queue.clear()
-            return VelocityCommand(*self._back((x, y), half, state.theta, signs[0]), now)
+            place = Place(x, y, state.theta, half)
+            gain = min(
+                self._options.turn_gain,
+                self._options.turn_share * self._options.caution / self.reaction,
+            )
+            v, omega, vy = self._ways.back(place, signs[0], self.largest, gain, not was)
+            return VelocityCommand(v, omega, now, vy)
         if self._dash_at < math.inf and (was or now >= self._dash_at):
             self._dash(signs)
         if now >= self._until or (self._queue and was):
-            v, omega, held = self._queue.popleft() if self._queue else self._at_random(signs)
-            self._command, self._until = (v, omega), now + held
-        return VelocityCommand(*self._command, now)
+            self._command, held = self._queue.popleft() if self._queue else self._at_random(signs)
+            self._until = now + held
+        v, omega, vy = self._command
+        return VelocityCommand(v, omega, now, vy)
 
-    def _at_random(self, signs: tuple[int, int]) -> tuple[float, float, float]:
+    def _at_random(self, signs: tuple[int, int]) -> tuple[Speeds, float]:
         """Uniform speeds of a scenario's signs, and how long they are held."""
-        fastest, turn = self._fastest(signs[0]), self.largest[2]
-        v = signs[0] * self._random.uniform(0.0, fastest)
-        omega = signs[1] * self._random.uniform(0.0, turn)
-        given = self._given_hold
-        return v, omega, self.hold * self._random.uniform(0.5, 1.5) if given is None else given
+        speeds, given = self._ways.draw(self._random, signs, self.largest), self._given_hold
+        return speeds, self.hold * self._random.uniform(0.5, 1.5) if given is None else given
 
     def _dash(self, signs: tuple[int, int]) -> None:
-        """Full speed, a stop, and a turn on the spot: what random commands hardly ever hold."""
-        self._dash_at = math.inf
+        """Full speed, a stop, and what else random commands hardly ever hold."""
+        self._dash_at, fastest = math.inf, self.largest
         delay, ramp = self.reaction / self._options.caution, self._ramp
         rest = ramp + 2.0 * delay + 0.5
-        turn = signs[1] * self.largest[2] * self._random.uniform(0.6, 1.0)
-        self._queue.extend(
-            (
-                (signs[0] * self._fastest(signs[0]), 0.0, ramp + 2.0 * delay),
-                (0.0, 0.0, rest),
-                (0.0, turn, ramp + delay + 1.0),
-            )
-        )
-
-    def _fastest(self, sign: int) -> float:
-        forward, back, _ = self.largest
-        return forward if sign > 0 else back
+        shown = self._ways.shown(self._random, signs, fastest)
+        self._queue.append(((signs[0] * fastest.to(signs[0]), 0.0, 0.0), ramp + 2.0 * delay))
+        self._queue.append((STILL, rest))
+        self._queue.extend((speeds, ramp + delay + 1.0) for speeds in shown)
 
     def _look_for_escape(self, now: float, beyond: float) -> None:
         """Find a robot that goes on towards the fence although commanded to turn back."""
@@ -231,7 +236,9 @@ class Excitation:
             self._left = None
             return
         since, least = (now, beyond) if self._left is None else self._left
-        ramp = max(max(self.largest[:2]) / self._limits.deceleration, self._turn_ramp)
+        fastest = max(self.largest[:2])
+        ramp = max(fastest / self._limits.deceleration, self._turn_ramp)
+        ramp += 2.0 * self._ways.room / fastest
         if now - since <= self.reaction + ramp:
             self._left = since, beyond if self._left is None else max(least, beyond)
         elif beyond > least + 0.15 * self._margin():
@@ -239,20 +246,3 @@ class Excitation:
                 f"it goes on towards the fence although commanded to turn back "
                 f"{now - since:.1f} s ago"
             )
-
-    def _back(
-        self, place: tuple[float, float], half: list[float], theta: float, sign: int
-    ) -> tuple[float, float]:
-        """Turn the end that leads towards the middle, and drive as far as it points there."""
-        leading = theta if sign > 0 else theta + math.pi
-        error = math.remainder(math.atan2(-place[1], -place[0]) - leading, math.tau)
-        most = self.largest[2]
-        gain = min(
-            self._options.turn_gain,
-            self._options.turn_share * self._options.caution / self.reaction,
-        )
-        omega = max(-most, min(most, gain * error))
-        ways = zip(place, half, (math.cos(leading), math.sin(leading)), strict=True)
-        outward = any(abs(p) > h and p * way > 0.0 for p, h, way in ways)
-        v = 0.0 if outward else sign * self._fastest(sign) * max(0.0, math.cos(error))
-        return v, omega

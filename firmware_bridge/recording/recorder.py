@@ -10,12 +10,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from firmware_bridge.messages import State
+from firmware_bridge.messages import STILL, Speeds, State
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import DRIVING
+from firmware_bridge.wheels import COLUMNS, TWO_SIDES, Wheels
 
-HEADER = b"t,x,y,theta,v,omega\n"
 REMARK = b"# vehicle "
 """A remark before the header says whose log it is, in JSON."""
 LATENESS = 0.3
@@ -25,14 +25,22 @@ POSE_GAP = 0.25
 """Poses farther apart [s] are not interpolated: the row is left out, and the episode ends."""
 
 
+HEADERS = {
+    kind: (",".join(("t", "x", "y", "theta", *columns)) + "\n").encode()
+    for kind, columns in COLUMNS.items()
+}
+"""First line, by kind of wheels."""
+HEADER = HEADERS[TWO_SIDES.kind]
+
+
 class Tick(NamedTuple):
     """One tick of the loop, as far as a log wants it."""
 
     now: float
     """[s]"""
     state: State | None
-    command: tuple[float, float] | None
-    """v [m/s] and omega [rad/s] if they were sent in this tick."""
+    command: Speeds | None
+    """What was sent in this tick."""
     driven: bool
     """Whether the robot is to be recorded: it obeys our commands."""
     fresh: bool = False
@@ -52,23 +60,25 @@ class RowSampler:
         Of the rows [s].
     by_hand : bool
         Somebody else drives: the measured speeds stand in for the commands.
+    wheels : Wheels
+        Of the robot: they say what numbers a command has.
     """
 
-    def __init__(self, period: float, by_hand: bool = False) -> None:
-        self.period, self.by_hand = period, by_hand
+    def __init__(self, period: float, by_hand: bool = False, wheels: Wheels = TWO_SIDES) -> None:
+        self.period, self.by_hand, self._wheels = period, by_hand, wheels
         self._poses: deque[State] = deque(maxlen=256)
-        self._commands: deque[tuple[float, float, float]] = deque(maxlen=256)
+        self._commands: deque[tuple[float, Speeds]] = deque(maxlen=256)
         self._origin: float | None = None
         self._next: float | None = None
         """Time of the next row [s]; None between episodes."""
         self._last_row = -math.inf
 
     def take(self, tick: Tick) -> list[tuple[float, ...]]:
-        """Take in one tick and give the rows that are now whole: t, x, y, theta, v, omega."""
+        """Take in one tick and give the rows that are now whole: t, x, y, theta, command."""
         if tick.state is not None and (not self._poses or tick.state.stamp > self._poses[-1].stamp):
             self._poses.append(tick.state)
         if tick.command is not None:
-            self._commands.append((tick.now, *tick.command))
+            self._commands.append((tick.now, tick.command))
         if not tick.driven:
             return self.finish(tick.now)
         if self._next is not None:
@@ -124,23 +134,24 @@ class RowSampler:
             )
         return None
 
-    def _command(self, start: float, end: float) -> tuple[float, float] | None:
+    def _command(self, start: float, end: float) -> tuple[float, ...] | None:
         """Mean command from `start` to `end` [s]; None if it is not known all that time."""
         held = (
-            [(s.stamp, s.v, s.omega) for s in self._poses if _finite(s)]
+            [(s.stamp, (s.v, s.omega, s.vy)) for s in self._poses if _finite(s)]
             if self.by_hand
             else list(self._commands)
         )
-        v_sum = omega_sum = covered = 0.0
-        for (begin, v, omega), (finish, _, _) in zip(
-            held, [*held[1:], (math.inf, 0.0, 0.0)], strict=True
-        ):
+        sums, covered, curvature = [0.0] * len(self._wheels.columns), 0.0, 0.0
+        for (begin, speeds), (finish, _) in zip(held, [*held[1:], (math.inf, STILL)], strict=True):
+            values = self._wheels.row(speeds, curvature)
+            curvature = values[1]
             overlap = min(finish, end) - max(begin, start)
             if overlap > 0.0:
-                v_sum = v_sum + overlap * v
-                omega_sum = omega_sum + overlap * omega
+                sums = [total + overlap * v for total, v in zip(sums, values, strict=True)]
                 covered = covered + overlap
-        return None if covered < 0.99 * (end - start) else (v_sum / covered, omega_sum / covered)
+        if covered < 0.99 * (end - start):
+            return None
+        return tuple(total / covered for total in sums)
 
 
 class CsvRecorder:
@@ -154,6 +165,8 @@ class CsvRecorder:
         See `RowSampler`.
     vehicle : mapping, optional
         What the log is to say of the vehicle.
+    wheels : Wheels
+        Of the robot: they say what numbers a command has.
     """
 
     def __init__(
@@ -162,11 +175,12 @@ class CsvRecorder:
         period: float,
         by_hand: bool = False,
         vehicle: Mapping[str, Any] | None = None,
+        wheels: Wheels = TWO_SIDES,
     ) -> None:
-        self._sampler = RowSampler(period, by_hand)
+        self._sampler = RowSampler(period, by_hand, wheels)
         self._last = -math.inf
         remark = REMARK + json.dumps(vehicle).encode() + b"\n" if vehicle else b""
-        header = remark + HEADER
+        header = remark + HEADERS[wheels.kind]
         self.file: DurableFile[Tick | None] = DurableFile(path, self._encode, header)
 
     @property
@@ -180,7 +194,7 @@ class CsvRecorder:
         """Take in one tick of the loop."""
         self._last = now
         driven = self._sampler.by_hand or output.state in DRIVING
-        self.file.put(Tick(now, state, (output.v, output.omega) if sent else None, driven, fresh))
+        self.file.put(Tick(now, state, output.speeds if sent else None, driven, fresh))
 
     def close(self) -> None:
         """Write the last rows."""
@@ -195,7 +209,7 @@ class CsvRecorder:
 
 
 def _finite(state: State) -> bool:
-    return all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega)))
+    return all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega, state.vy)))
 
 
 def csv_row(row: Iterable[float]) -> bytes:

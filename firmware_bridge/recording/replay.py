@@ -12,7 +12,15 @@ from firmware_bridge.link.server import serve
 from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.link_log import Chunk, play, read_link_log
-from firmware_bridge.recording.recorder import HEADER, REMARK, RowSampler, Tick, csv_row, torn_bytes
+from firmware_bridge.recording.recorder import (
+    HEADER,
+    HEADERS,
+    REMARK,
+    RowSampler,
+    Tick,
+    csv_row,
+    torn_bytes,
+)
 from kmpc_lite.reading import open_regular
 
 LISTENER_WAIT = 30.0
@@ -87,8 +95,8 @@ def inspect_csv(path: Path, mend: bool) -> dict[str, Any]:
     with open_regular(path) as file:
         first = file.readline(MAX_REMARK)
         if first.startswith(REMARK):
-            first = file.readline(len(HEADER) + 1)
-        if first != HEADER:
+            first = file.readline(MAX_REMARK)
+        if first not in HEADERS.values():
             raise ConfigError(
                 f"{path}: no recorded CSV: expected {HEADER.decode().strip()} in its first line"
             )

@@ -7,14 +7,22 @@ from collections import deque
 from dataclasses import dataclass
 from statistics import median
 
-from firmware_bridge.messages import State
-from firmware_bridge.recording.answer import Answer, AnswerMeter
+from firmware_bridge.messages import STILL, Speeds, State
+from firmware_bridge.recording.answer import Answer, AnswerMeter, add
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.limits import Limits
 
-Command = tuple[float, float]
-CAR = ", or a car-like robot, which cannot turn on the spot and is not supported"
+Command = Speeds
+CAR = ', or a car, which cannot turn on the spot: robot.wheels = {kind = "car", ...}'
+"""What else it may be if it does not turn."""
+
+
+WAYS = {
+    "drive": "forward it goes back",
+    "turn": "left it turns right",
+    "drive sideways": "left it goes right",
+}
 
 
 @dataclass(frozen=True)
@@ -55,10 +63,10 @@ class DriveWatch:
     ) -> None:
         self._options = WatchOptions() if options is None else options
         self._period, self._by_hand = period, by_hand
-        largest = max(limits.v_max, limits.v_reverse), limits.omega_max
+        largest = max(limits.v_max, limits.v_reverse), limits.omega_max, limits.sideways
         self._meter = AnswerMeter(period, largest)
         self._delays: deque[float] = deque(maxlen=self._options.remembered)
-        self._sum, self._since, self._last = (0.0, 0.0), 0.0, 0.0
+        self._sum, self._since, self._last = STILL, 0.0, 0.0
         self._driving = False
         self._judged = -math.inf
         self.stretches: list[list[Command]] = []
@@ -83,14 +91,15 @@ class DriveWatch:
             self._begin(now, state)
             return
         dt, self._last = now - self._last, now
-        v, omega = (state.v, state.omega) if self._by_hand else (output.v, output.omega)
-        self._sum = self._sum[0] + v * dt, self._sum[1] + omega * dt
+        by_hand = state.v, state.omega, state.vy
+        speeds = by_hand if self._by_hand else output.speeds
+        self._sum = add(self._sum, speeds, dt)
         if now - self._since >= self._period - 1e-6:
             held = now - self._since
-            command = self._sum[0] / held, self._sum[1] / held
+            command = add(STILL, self._sum, 1.0 / held)
             self._meter.add(state, command)
             self.stretches[-1].append(command)
-            self._sum, self._since = (0.0, 0.0), now
+            self._sum, self._since = STILL, now
         due = now - self._judged >= self._options.every
         if due and not self._by_hand and not self.trouble:
             self._judged = now
@@ -98,9 +107,9 @@ class DriveWatch:
 
     def _begin(self, now: float, state: State) -> None:
         self._driving, self._judged = True, now
-        self._sum, self._since, self._last = (0.0, 0.0), now, now
+        self._sum, self._since, self._last = STILL, now, now
         self._meter.forget()
-        self._meter.add(state, (0.0, 0.0))
+        self._meter.add(state, STILL)
         self.stretches.append([])
 
     def _judge(self) -> str:
@@ -108,7 +117,7 @@ class DriveWatch:
         options = self._options
         speed, turn = self._meter.speed(), self._meter.turn()
         wrong = self._wrong(speed, "drive", "m") or self._wrong(turn, "turn", "rad")
-        if wrong:
+        if wrong := wrong or self._wrong(self._meter.aside(), "drive sideways", "m"):
             return wrong
         known = [a.delay for a in (speed, turn) if a is not None and a.likeness > options.likeness]
         if known:
@@ -119,7 +128,7 @@ class DriveWatch:
         if answer is None:
             return ""
         if answer.likeness < -self._options.likeness and answer.gain < -self._options.moves:
-            ways = "forward it goes back" if verb == "drive" else "left it turns right"
+            ways = WAYS[verb]
             return (
                 f"commanded to {verb} {ways}, and vice versa, {-answer.gain:.2f} of the command: "
                 "motors exchanged or inverted, or a pose of another frame"

@@ -90,15 +90,15 @@ class Ros2Driver:
         """Newest pose."""
         return self.inputs.state(self._clock())
 
-    def send(self, v: float, omega: float) -> None:
-        """Publish forward speed [m/s] and turn rate [rad/s]."""
-        if not (math.isfinite(v) and math.isfinite(omega)):
-            raise ValueError(f"expected finite speeds, got {v} and {omega}")
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
+        """Publish forward speed [m/s], turn rate [rad/s], and an omni's speed to the left [m/s]."""
+        if not all(map(math.isfinite, (v, omega, vy))):
+            raise ValueError(f"expected finite speeds, got {v}, {omega} and {vy}")
         now = self._clock()
-        if v or omega or self._is_wanted():
+        if v or omega or vy or self._is_wanted():
             self._idle_since = now
         if now - self._idle_since <= QUIET:
-            self._publish(v, omega, now)
+            self._publish(v, omega, now, vy)
 
     def stop(self) -> None:
         """Publish zero."""
@@ -169,8 +169,8 @@ class Ros2Driver:
             reader.stop()
         self.node.close()
 
-    def _publish(self, v: float, omega: float, now: float) -> None:
+    def _publish(self, v: float, omega: float, now: float, vy: float = 0.0) -> None:
         assert self._commands is not None, "connect comes first"
         stamp = self.inputs.clock.stamp(now) if self.options.stamped else None
         base = self.inputs.pose.base
-        self._commands.publish(self.outputs.command(v, omega, stamp, base))
+        self._commands.publish(self.outputs.command(v, omega, stamp, base, vy))

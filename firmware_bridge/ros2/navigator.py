@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.messages import Speeds, State, VelocityCommand, command_of, speeds_of
 from firmware_bridge.ros2.inputs import Goal, Inputs
 from firmware_bridge.runtime.navigator import figures, goal_errors
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from kmpc_lite.control.controller import Controller
     from kmpc_lite.control.plan import Plan
 
-UNKNOWN = (math.nan, math.nan)
-"""The command of a period whose command on the wire is unknown."""
 WAITS = "waits for a goal"
 
 
@@ -71,11 +69,10 @@ class GoalNavigator:
         self._began = self._reached_at = math.inf
         self._last: tuple[State, Goal] | None = None
 
-    def __call__(self, state: State, held: tuple[float, float] | None) -> VelocityCommand:
+    def __call__(self, state: State, held: Speeds | None) -> VelocityCommand:
         """Plan from a pose.
 
-        `held` is the mean command on the wire since the last plan [m/s, rad/s], None if it is
-        not known.
+        `held` is the mean command on the wire since the last plan, None if it is not known.
         """
         now = self._clock()
         self._take_goal()
@@ -87,9 +84,10 @@ class GoalNavigator:
             # the gate knows why, and stops the robot
             self.plan, self.said = None, "waits for obstacles"
             return VelocityCommand(0.0, 0.0, now)
+        inputs = self._controller.problem.wheels.inputs
         place = (state.x, state.y, state.theta)
         self._began, self._last = min(self._began, now), (state, goal)
-        plan = self._controller.step(place, goal, obstacles, sent=held or UNKNOWN)
+        plan = self._controller.step(place, goal, obstacles, sent=command_of(held, inputs))
         self.plan, self.obstacles = plan, obstacles
         for saw in self.watchers:
             saw(place, plan)
@@ -98,7 +96,8 @@ class GoalNavigator:
         self.said = f"{plan.progress.value}{plan.reason and ': '}{plan.reason}"
         self.clearance = min(self.clearance, float(plan.around.clearance(np.array([place]))))
         self._judge(plan, now)
-        return VelocityCommand(float(plan.command[0]), float(plan.command[1]), now)
+        v, omega, vy = speeds_of(plan.command)
+        return VelocityCommand(v, omega, now, vy)
 
     def _take_goal(self) -> None:
         """Begin with a goal that is new."""

@@ -46,10 +46,12 @@ class Outputs:
     def __init__(self, types: MessageTypes, frame: str) -> None:
         self._types, self._frame = types, frame
 
-    def command(self, v: float, omega: float, stamped: Stamp | None, base: str) -> Any:
+    def command(
+        self, v: float, omega: float, stamped: Stamp | None, base: str, vy: float = 0.0
+    ) -> Any:
         """Forward speed [m/s] and turn rate [rad/s]; with a stamp, TwistStamped."""
         twist = self._types.make(
-            TWIST, linear=self._vector(v, 0.0, 0.0), angular=self._vector(0.0, 0.0, omega)
+            TWIST, linear=self._vector(v, vy, 0.0), angular=self._vector(0.0, 0.0, omega)
         )
         if stamped is None:
             return twist

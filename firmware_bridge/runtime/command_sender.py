@@ -61,7 +61,7 @@ class CommandSender:
         Returns
         -------
         sent, fresh : bool
-            Whether v and omega went on the wire, and whether a plan did for the first time.
+            Whether speeds went on the wire, and whether a plan did for the first time.
         """
         drives = output.state is GateState.ACTIVE
         sent = self._send(now, output, latest, counts)
@@ -74,7 +74,7 @@ class CommandSender:
         return sent, fresh
 
     def _send(self, now: float, output: GateOutput, latest: object, counts: Statistics) -> bool:
-        """Tell the driver; return whether v and omega went out."""
+        """Tell the driver; return whether speeds went out."""
         if output.action is Action.RELEASE:
             self._planner.sent.add(now, 0.0, 0.0)
             counts.guarded(self._driver.stop)
@@ -84,7 +84,7 @@ class CommandSender:
         drives = output.state is GateState.ACTIVE
         if drives and not self._is_due(now, latest):
             return False
-        if not counts.guarded(lambda: self._driver.send(output.v, output.omega)):
+        if not counts.guarded(lambda: self._driver.send(*output.speeds)):
             counts.refused += 1
             return False
         if drives and math.isfinite(self._last_sent):
@@ -92,7 +92,7 @@ class CommandSender:
             counts.spacing_error.add(abs(now - self._last_sent - usual))
         self._last_sent = now
         counts.sent += 1
-        self._planner.sent.add(now, output.v, output.omega)
+        self._planner.sent.add(now, *output.speeds)
         return True
 
     def _is_due(self, now: float, latest: object) -> bool:

@@ -10,18 +10,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
 
-from firmware_bridge.messages import Controller, State, VelocityCommand
+from firmware_bridge.messages import Controller, Speeds, State, VelocityCommand
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 
-Predict = Callable[[State, float, float, float], State]
-"""State after holding v [m/s] and omega [rad/s] for dt [s]."""
+Predict = Callable[[State, float, float, float, float], State]
+"""State after holding v [m/s] and omega [rad/s] for dt [s], and an omni's vy [m/s]."""
 RECENT = 21
 """Number of recent steps from which the time of the next one is estimated."""
 OLDEST_POSE = 0.5
 """Oldest pose that a controller is asked to plan from [s]."""
 
 
-def unicycle_arc(state: State, v: float, omega: float, dt: float) -> State:
+def unicycle_arc(state: State, v: float, omega: float, dt: float, vy: float = 0.0) -> State:
     """Drive a robot without slip: the exact arc.
 
     Examples
@@ -32,15 +32,16 @@ def unicycle_arc(state: State, v: float, omega: float, dt: float) -> State:
     """
     turn = omega * dt
     # the chord, along the mean heading
-    length = v * dt * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-6 else 1.0)
-    heading = state.theta + turn / 2
+    chord = dt * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-6 else 1.0)
+    cos, sin = math.cos(state.theta + turn / 2), math.sin(state.theta + turn / 2)
     return State(
-        state.x + length * math.cos(heading),
-        state.y + length * math.sin(heading),
+        state.x + chord * (v * cos - vy * sin),
+        state.y + chord * (v * sin + vy * cos),
         state.theta + turn,
         v,
         omega,
         state.stamp + dt,
+        vy,
     )
 
 
@@ -48,11 +49,11 @@ class SentCommands:
     """The last commands on the wire, for the delay compensation."""
 
     def __init__(self, length: int = 128) -> None:
-        self._commands: deque[tuple[float, float, float]] = deque(maxlen=length)
+        self._commands: deque[tuple[float, Speeds]] = deque(maxlen=length)
 
-    def add(self, now: float, v: float, omega: float) -> None:
+    def add(self, now: float, v: float, omega: float, vy: float = 0.0) -> None:
         """Remember what was sent at `now` [s]."""
-        self._commands.append((now, v, omega))
+        self._commands.append((now, (v, omega, vy)))
 
     def carry(
         self, state: State, until: float, latency: float = 0.0, predict: Predict = unicycle_arc
@@ -63,28 +64,29 @@ class SentCommands:
 
         Before the first command that is remembered, the state's own speeds hold.
         """
-        v, omega = state.v, state.omega
+        v, omega, vy = state.v, state.omega, state.vy
         # a copy, since another thread adds
-        for sent, next_v, next_omega in tuple(self._commands):
+        for sent, following in tuple(self._commands):
             start = sent + latency
             if start >= until:
                 break
             if start > state.stamp:
-                state = predict(state, v, omega, start - state.stamp)
-            v, omega = next_v, next_omega
-        return predict(state, v, omega, until - state.stamp) if until > state.stamp else state
+                state = predict(state, v, omega, start - state.stamp, vy)
+            v, omega, vy = following
+        return predict(state, v, omega, until - state.stamp, vy) if until > state.stamp else state
 
-    def mean(self, begin: float, end: float) -> tuple[float, float] | None:
+    def mean(self, begin: float, end: float) -> Speeds | None:
         """Mean command on the wire between two moments [s]; None if none was sent before."""
-        v = omega = 0.0
+        v = omega = vy = 0.0
         until = end
-        for sent, next_v, next_omega in reversed(tuple(self._commands)):
+        for sent, (next_v, next_omega, next_vy) in reversed(tuple(self._commands)):
             if sent >= until:
                 continue
             share = (until - max(sent, begin)) / (end - begin)
-            v, omega, until = v + share * next_v, omega + share * next_omega, sent
+            v, omega, vy = v + share * next_v, omega + share * next_omega, vy + share * next_vy
+            until = sent
             if sent <= begin:
-                return v, omega
+                return v, omega, vy
         return None
 
 
@@ -133,7 +135,7 @@ class Planner:
         self.latest: tuple[VelocityCommand, float] | None = None
         """Newest command, stamped with the beginning of its computation, and the stamp of the pose
         behind it [s]."""
-        self.held: tuple[float, float] | None = None
+        self.held: Speeds | None = None
         """Mean command on the wire since the controller's last step, for a controller that uses
         it; None if it is not known."""
         self._asked = -math.inf
@@ -209,6 +211,5 @@ class Planner:
 
 def _usable(state: State, now: float) -> bool:
     """Whether a pose is finite and young enough to be carried on to now."""
-    return now - state.stamp <= OLDEST_POSE and all(
-        map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega, state.stamp))
-    )
+    numbers = state.x, state.y, state.theta, state.v, state.omega, state.vy, state.stamp
+    return now - state.stamp <= OLDEST_POSE and all(map(math.isfinite, numbers))

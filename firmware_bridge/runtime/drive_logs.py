@@ -72,7 +72,7 @@ class DriveLogs:
             assert self._output is not None
             return self._output.with_name(self._output.name + ending)
 
-        self._csv = CsvRecorder(named(".csv"), period, by_hand, robot.vehicle)
+        self._csv = CsvRecorder(named(".csv"), period, by_hand, robot.vehicle, robot.wheels)
         if record is not None:
             self._recorder = record(self._output)
         if transport is None:

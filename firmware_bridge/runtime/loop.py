@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from firmware_bridge.drivers import Driver
-from firmware_bridge.messages import LinkStatus, State
+from firmware_bridge.messages import STILL, LinkStatus, State
 from firmware_bridge.runtime.command_sender import CommandSender
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.observer import Change, Observer, Operator, Snapshot
@@ -80,7 +80,7 @@ class ControlLoop:
         self._sender = CommandSender(driver, planner, command_period, tick, clock)
         self._requests = Requests(operator, gate, take, confirm)
         self._unmoved = Unmoved(UnmovedOptions(patience=gate.settings.unmoved))
-        self._held, self._suspension = (0.0, 0.0), Suspension()
+        self._held, self._suspension = STILL, Suspension()
         self.statistics = Statistics()
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
@@ -122,7 +122,7 @@ class ControlLoop:
         self._requests.pass_on(status, self.why, counts)
         latest, before = self.planner.latest, self.gate.state
         output = self.gate.step(now, None if latest is None else latest[0], state, status)
-        self._held = output.v, output.omega
+        self._held = output.speeds
         counts.ticks += 1
         counts.reasons.update(reason.value for reason in output.reasons)
         sent, fresh = self._sender.carry_out(now, output, latest, counts)
@@ -177,7 +177,7 @@ class ControlLoop:
     def _patience(self) -> float:
         limits = self.gate.settings.limits
         ramp = (
-            max(limits.v_max, limits.v_reverse) / limits.deceleration
+            max(limits.v_max, limits.v_reverse, limits.sideways) / limits.deceleration
             + limits.omega_max / limits.angular_deceleration
         )
         return ramp + self.gate.settings.hold + GIVE_UP

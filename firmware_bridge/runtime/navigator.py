@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.messages import STILL, Speeds, State, VelocityCommand
 from firmware_bridge.runtime.route import Route
 
 Pose = tuple[float, float, float]
@@ -30,8 +30,8 @@ class Moment:
 
     driving: bool = False
     """Whether commands pass the gate."""
-    held: tuple[float, float] | None = None
-    """Mean command on the wire since the last plan [m/s, rad/s]; None if it is not known."""
+    held: Speeds | None = None
+    """Mean command on the wire since the last plan; None if it is not known."""
     scan: Any = None
     """What the lidar sees from the pose; None without one, or before its first turn."""
     began: float | None = None
@@ -49,6 +49,8 @@ class Planned(NamedTuple):
     """A word on how the plan came about."""
     reason: str = ""
     """Why it does not drive to the goal, in words; empty if it does."""
+    vy: float = 0.0
+    """Of an omni, to the left [m/s]."""
 
 
 Step = Callable[[Pose, Circles, Moment], Planned]
@@ -128,7 +130,7 @@ class Navigator:
         self._began: float | None = None
         self._inside_since: float | None = None
         self._last: State | None = None
-        self._wanted = (0.0, 0.0)
+        self._wanted = STILL
         self.arrived_after: float | None = None
         """From the beginning until the goal was reached and then held [s]."""
         self.clearance = math.inf
@@ -157,10 +159,11 @@ class Navigator:
             self._judge(state, circles, now)
         self.scan = moment.scan
         planned = self._step((state.x, state.y, state.theta), circles, moment)
-        self._wanted, self.reason = (planned.v, planned.omega), planned.reason
+        self._wanted = planned.v, planned.omega, planned.vy
+        self.reason = planned.reason
         if self._began is not None:
             self.statuses[planned.status] += 1
-        return VelocityCommand(planned.v, planned.omega, self._clock())
+        return VelocityCommand(planned.v, planned.omega, self._clock(), planned.vy)
 
     def _misplaced(self, state: State) -> str:
         look = self._task.misplaced
@@ -204,9 +207,9 @@ class Navigator:
     @property
     def _stands(self) -> bool:
         """Whether the last command asks for hardly any motion."""
-        v, omega = self._wanted
+        v, omega, vy = self._wanted
         return (
-            abs(v) * STANDING <= self._task.tolerance
+            math.hypot(v, vy) * STANDING <= self._task.tolerance
             and abs(omega) * STANDING <= self._task.heading_tolerance
         )
 

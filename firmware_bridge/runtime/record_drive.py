@@ -149,6 +149,7 @@ class Recording:
                 seconds,
                 driving.seed,
                 lambda: self.watch.delay,
+                wheels=robot.wheels,
             )
         self._began: float | None = None
         self._measured = 0.0
@@ -174,7 +175,7 @@ class Recording:
         """Measure what the log shows."""
         if self._meter is not None:
             stretches = [list(stretch) for stretch in self.watch.stretches]
-            largest = None if self._excitation is None else self._excitation.largest
+            largest = None if self._excitation is None else self._excitation.largest[:3]
             self._coverage = self._meter(stretches, largest)
 
     def finished(self, session: Session) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from firmware_bridge.messages import LinkStatus, State, VelocityCommand
+from firmware_bridge.messages import STILL, LinkStatus, Speeds, State, VelocityCommand
 from firmware_bridge.safety.gate_inputs import LostPose, Slowing, judge
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import (
@@ -47,6 +47,13 @@ class GateOutput:
     state: GateState
     reasons: tuple[Reason, ...]
     """What is wrong now, whatever the state."""
+    vy: float = 0.0
+    """Of an omni, to the left [m/s]."""
+
+    @property
+    def speeds(self) -> Speeds:
+        """All of them."""
+        return self.v, self.omega, self.vy
 
 
 class SafetyGate:
@@ -78,7 +85,7 @@ class SafetyGate:
         self._lost_pose = LostPose(self.settings)
         self.state = GateState.IDLE
         self._requests: set[Event] = set()
-        self._output = (0.0, 0.0)
+        self._output = STILL
         self._final = self._slept = False
         self._last: float | None = None
         self._entered = -math.inf
@@ -166,7 +173,7 @@ class SafetyGate:
                     and not self._final
                 )
             elif event is Event.STILL:
-                happened = self._output == (0.0, 0.0)
+                happened = self._output == STILL
             elif event is Event.HELD:
                 waited = now - self._entered
                 # inputs that are good again get `settle` to prove it before the robot is given back
@@ -195,14 +202,14 @@ class SafetyGate:
         reasons: tuple[Reason, ...],
     ) -> GateOutput:
         """Output of the present state."""
-        limits, action, output = self.settings.limits, Action.SEND, (0.0, 0.0)
+        limits, action, output = self.settings.limits, Action.SEND, STILL
         if self.state is GateState.ACTIVE:
             assert command is not None
             share = self._slowing.share(now, command, state, status)
-            wanted = limits.clip(command.v, command.omega, share)
+            wanted = limits.clip(command.speeds, share)
             output = limits.slew(self._output, wanted, dt, LONGEST_RISE)
         elif self.state is GateState.STOPPING:
-            output = limits.slew(self._output, (0.0, 0.0), dt)
+            output = limits.slew(self._output, STILL, dt)
         elif self.state is GateState.WAITING:
             # zeros feed the watchdog of a board that would trip on silence, and take back motors
             # that were released
@@ -215,7 +222,8 @@ class SafetyGate:
         elif self.state is not GateState.HOLDING:
             action = Action.NOTHING
         self._output = output
-        return GateOutput(*output, action, self.state, reasons)
+        v, omega, vy = output
+        return GateOutput(v, omega, action, self.state, reasons, vy)
 
     def _release(self, now: float, status: LinkStatus, reasons: tuple[Reason, ...]) -> Action:
         """Give the robot back until the board has obeyed.

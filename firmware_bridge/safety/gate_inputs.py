@@ -57,7 +57,7 @@ def judge(
     found += [reason for reason, wrong in told.items() if wrong]
     if command is None or not fresh(now, command.stamp, s.watchdog):
         found.append(Reason.COMMAND)
-    if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):
+    if command is not None and not all(map(math.isfinite, command.speeds)):
         found.append(Reason.COMMAND_INVALID)
     return tuple(found)
 
@@ -70,7 +70,7 @@ def _blind(s: GateSettings, now: float, status: LinkStatus, gate: GateState) -> 
 
 def place(s: GateSettings, state: State) -> Reason | None:
     """What is wrong with the robot's pose: not finite, or outside the geofence."""
-    if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
+    if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega, state.vy))):
         return Reason.POSE_INVALID
     if s.geofence is not None:
         x_min, y_min, x_max, y_max = s.geofence

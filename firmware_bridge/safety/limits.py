@@ -1,10 +1,11 @@
-"""Limits on commands and on their change; one factor scales both speeds, to keep the curve."""
+"""Limits on commands and on their change; one factor scales all speeds, to keep the curve."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+from firmware_bridge.messages import Speeds
 from firmware_bridge.options import bounded, check
 
 ZERO = 1e-9
@@ -35,72 +36,64 @@ class Limits:
     """Away from zero [rad/s^2]."""
     angular_deceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)
     """Towards zero [rad/s^2]."""
+    v_sideways: float | None = bounded(1e-4, 100.0, "m/s", None)
+    """Of an omni, either way [m/s]; `v_max` if not given."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         check(self)
 
-    def clip(self, v: float, omega: float, share: float = 1.0) -> tuple[float, float]:
-        """Scale finite speeds [m/s, rad/s] by one factor until both are within bounds.
+    @property
+    def sideways(self) -> float:
+        """Largest speed of an omni to either side [m/s]."""
+        return self.v_max if self.v_sideways is None else self.v_sideways
+
+    def clip(self, speeds: Speeds, share: float = 1.0) -> Speeds:
+        """Scale finite speeds by one factor until all are within bounds.
 
         With a `share` below 1 the bounds are that much narrower; slower commands are unchanged.
         """
-        v_max, v_reverse, omega_max = (
-            share * bound for bound in (self.v_max, self.v_reverse, self.omega_max)
-        )
+        highest = self.v_max, self.omega_max, self.sideways
+        lowest = -self.v_reverse, -self.omega_max, -self.sideways
+        bounds = [(share * low, share * high) for low, high in zip(lowest, highest, strict=True)]
         scale = 1.0
-        if v > v_max:
-            scale = v_max / v
-        elif v < -v_reverse:
-            scale = v_reverse / -v
-        if abs(omega) * scale > omega_max:
-            scale = omega_max / abs(omega)
-        return (
-            _within(v * scale, -v_reverse, v_max),
-            _within(omega * scale, -omega_max, omega_max),
+        for value, (low, high) in zip(speeds, bounds, strict=True):
+            if value > high:
+                scale = min(scale, high / value)
+            elif value < low:
+                scale = min(scale, low / value)
+        v, omega, vy = (
+            min(max(value * scale, low), high)  # clips what rounding left outside
+            for value, (low, high) in zip(speeds, bounds, strict=True)
         )
+        return v, omega, vy
 
     def slew(
-        self,
-        start: tuple[float, float],
-        target: tuple[float, float],
-        dt: float,
-        longest_rise: float = math.inf,
-    ) -> tuple[float, float]:
-        """Move from one command towards another for `dt` [s], on a straight line in (v, omega).
+        self, start: Speeds, target: Speeds, dt: float, longest_rise: float = math.inf
+    ) -> Speeds:
+        """Move from one command towards another for `dt` [s], on a straight line between them.
 
         Away from zero it goes for `longest_rise` [s] at most.
         """
         if dt <= 0.0:
             return start
         rise = min(dt, longest_rise)
-        share = min(
-            _share(start[0], target[0], self.acceleration * rise, self.deceleration * dt),
-            _share(
-                start[1],
-                target[1],
-                self.angular_acceleration * rise,
-                self.angular_deceleration * dt,
-            ),
-        )
+        drive = self.acceleration * rise, self.deceleration * dt
+        turn = self.angular_acceleration * rise, self.angular_deceleration * dt
+        share = min(map(_share, start, target, (drive, turn, drive)))
         if share >= 1.0:
             return target
-        v, omega = (a + share * (b - a) for a, b in zip(start, target, strict=True))
-        # on the way to zero only: a slow ramp away from it begins with less
-        v = 0.0 if max(abs(v), abs(target[0])) < ZERO else v
-        return v, 0.0 if max(abs(omega), abs(target[1])) < ZERO else omega
+        # zero on the way to zero only: a slow ramp away from it begins with less
+        v, omega, vy = (
+            0.0 if max(abs(value), abs(b)) < ZERO else value
+            for value, b in ((a + share * (b - a), b) for a, b in zip(start, target, strict=True))
+        )
+        return v, omega, vy
 
 
-def _within(value: float, low: float, high: float) -> float:
-    """Clip what rounding left outside."""
-    return min(max(value, low), high)
-
-
-def _share(start: float, target: float, up: float, down: float) -> float:
-    """Share of the change from `start` to `target` that the limits allow.
-
-    They are `up` away from zero and `down` towards it.
-    """
+def _share(start: float, target: float, limits: tuple[float, float]) -> float:
+    """Share of the change from `start` to `target` within limits away from zero, and towards it."""
+    up, down = limits
     change = abs(target - start)
     if change == 0.0:
         return 1.0

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from firmware_bridge.messages import State
+from firmware_bridge.messages import Speeds, State
 from firmware_bridge.safety.gate_table import GateState
 
 Pose = tuple[float, float, float]
@@ -58,7 +58,7 @@ class Unmoved:
     Examples
     --------
     >>> watch, here = Unmoved(UnmovedOptions()), State(0.0, 0.0, 0.0, 0.3, 0.0, 0.0)
-    >>> words = [watch.look(GateState.ACTIVE, 0.02 * k, (0.3, 0.0), here) for k in range(81)]
+    >>> words = [watch.look(GateState.ACTIVE, 0.02 * k, (0.3, 0.0, 0.0), here) for k in range(81)]
     >>> words[70], words[75]
     ('', 'commanded to drive 0.15 m, it moved 0.00 m in 1.5 s, by its pose')
     """
@@ -70,10 +70,8 @@ class Unmoved:
         self._moments: deque[Moment] = deque(maxlen=options.remembered)
         self._words = ""
 
-    def look(
-        self, gate: GateState, now: float, held: tuple[float, float], state: State | None
-    ) -> str:
-        """Take in the speeds [m/s, rad/s] that were held since the last look, and the newest pose.
+    def look(self, gate: GateState, now: float, held: Speeds, state: State | None) -> str:
+        """Take in the speeds that were held since the last look, and the newest pose.
 
         Gives why the robot must be stopped, in words; empty if nothing is wrong.
         """
@@ -89,16 +87,16 @@ class Unmoved:
         self._last = None
         self._moments.clear()
 
-    def _drive(self, now: float, held: tuple[float, float], state: State | None) -> str:
+    def _drive(self, now: float, held: Speeds, state: State | None) -> str:
         dt = 0.0 if self._last is None else now - self._last
         if not 0.0 <= dt <= self._options.stall:
             self._rest()
             dt = 0.0
         self._last = now
         x, y, heading = self._told
-        length, turn = held[0] * dt, held[1] * dt
-        middle = heading + 0.5 * turn
-        self._told = x + length * math.cos(middle), y + length * math.sin(middle), heading + turn
+        ahead, turn, left = (speed * dt for speed in held)
+        cos, sin = math.cos(heading + 0.5 * turn), math.sin(heading + 0.5 * turn)
+        self._told = x + ahead * cos - left * sin, y + ahead * sin + left * cos, heading + turn
         before = self._moments[-1] if self._moments else None
         due = before is None or now - before.now >= self._options.every - 1e-6
         if not (due and self._options.patience) or state is None:

@@ -119,6 +119,7 @@ def find_coverage(
     stretches: Sequence[Array],
     dt: float,
     limits: tuple[float, float, float] | None = None,
+    steered: bool = False,
 ) -> Coverage:
     """Tell how much of each way of driving a log shows.
 
@@ -131,6 +132,8 @@ def find_coverage(
     limits : tuple, optional
         Largest speed forward and back [m/s] and turn rate [rad/s] that the robot is to drive; the
         largest of the log if not given. A robot that must not reverse has zero for back.
+    steered : bool
+        Whether it is a car, which cannot turn on the spot.
     """
     rows = np.concatenate([np.empty((0, 2)), *stretches])
     if limits is None:
@@ -139,7 +142,7 @@ def find_coverage(
     fastest = max(*limits[:2], 1e-9)
     v, omega = rows[:, 0] / fastest, rows[:, 1] / max(limits[2], 1e-9)
     parts = [Part("length", "", "drive for longer", len(rows) * dt, WHOLE)]
-    parts += _seconds_of(v, omega, dt, limits[1] > 0.0)
+    parts += _seconds_of(v, omega, dt, limits[1] > 0.0)[: -1 if steered else None]
     speeds = [np.asarray(stretch)[:, 0] for stretch in stretches]
     stops = sum(len(find_stops(s, dt, fastest)) for s in speeds)
     advice = "stop from full speed, and stand for a second"

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry, wrapped
+from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.messages import ConfigError
+from firmware_bridge.odometry import WheelOdometry, wrapped
 from firmware_bridge.options import from_table
 
 ROSBOT = WheelGeometry(wheel_radius=0.0425, track=0.27, max_wheel_speed=0.9)
@@ -15,13 +16,13 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 speeds = st.floats(-3.0, 3.0)
 geometries = st.builds(
     WheelGeometry,
-    st.floats(0.01, 0.05),
-    st.floats(0.05, 3.0),
-    st.floats(0.1, 5.0),
-    st.floats(0.1, 100.0),
-    st.booleans(),
-    st.booleans(),
-    st.booleans(),
+    wheel_radius=st.floats(0.01, 0.05),
+    track=st.floats(0.05, 3.0),
+    max_wheel_speed=st.floats(0.1, 5.0),
+    gear_ratio=st.floats(0.1, 100.0),
+    invert_left=st.booleans(),
+    invert_right=st.booleans(),
+    swap=st.booleans(),
 )
 
 
@@ -31,7 +32,7 @@ def test_wheels_are_within_the_limit_at_the_same_curvature(geometry, v, omega):
     assert max(abs(left), abs(right)) * geometry.wheel_radius <= geometry.max_wheel_speed * (
         1 + 1e-12
     )
-    v_out, omega_out = geometry.body(left, right)
+    v_out, omega_out, _ = geometry.body((left, right))
     assert v_out * omega == pytest.approx(omega_out * v, abs=1e-9)
     assert v_out * v >= 0.0 and omega_out * omega >= -1e-12
     if (
@@ -71,9 +72,17 @@ def test_mirror_symmetry():
 
 
 def test_signs_and_order_of_the_channels():
-    plain = WheelGeometry(0.1, 0.5, 2.0, gear_ratio=3.0)
+    robot = {"wheel_radius": 0.1, "track": 0.5, "max_wheel_speed": 2.0, "gear_ratio": 3.0}
+    plain = WheelGeometry(**robot)
     assert plain.to_channels(math.tau, 2 * math.tau) == pytest.approx((3.0, 6.0))
-    odd = WheelGeometry(0.1, 0.5, 2.0, gear_ratio=3.0, invert_left=True, swap=True)
+    odd = WheelGeometry(
+        wheel_radius=0.1,
+        track=0.5,
+        max_wheel_speed=2.0,
+        gear_ratio=3.0,
+        invert_left=True,
+        swap=True,
+    )
     assert odd.to_channels(math.tau, 2 * math.tau) == pytest.approx((6.0, -3.0))
 
 
@@ -88,7 +97,7 @@ def test_odometry_follows_exact_arcs_across_the_wrap(start):
     odometry = WheelOdometry(ROSBOT, counts, wraps=True)
     v, omega, dt, total = 0.4, 0.7, 0.02, [float(start), float(start)]
     for k in range(501):
-        assert odometry.update(*[int(wrapped(round(c))) for c in total], k * dt)
+        assert odometry.update(tuple(int(wrapped(round(c))) for c in total), k * dt)
         turns = ROSBOT.to_channels(*ROSBOT.wheels(v, omega))
         total = [c + turn * dt * counts for c, turn in zip(total, turns, strict=True)]
     t = 500 * dt
@@ -100,12 +109,12 @@ def test_odometry_follows_exact_arcs_across_the_wrap(start):
 
 def test_impossible_jumps_do_not_move_the_robot():
     odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
-    assert odometry.update(50_000, 50_000, 0.0) and odometry.update(50_010, 50_010, 0.02)
+    assert odometry.update((50_000, 50_000), 0.0) and odometry.update((50_010, 50_010), 0.02)
     x = odometry.x
     for k in range(3):
-        assert not odometry.update(10 * k, 10 * k, 0.04 + 0.02 * k) and odometry.x == x
-    assert odometry.update(30, 30, 0.1) and odometry.x == pytest.approx(4 * x)
-    assert not odometry.update(math.nan, 0, 0.12)
+        assert not odometry.update((10 * k, 10 * k), 0.04 + 0.02 * k) and odometry.x == x
+    assert odometry.update((30, 30), 0.1) and odometry.x == pytest.approx(4 * x)
+    assert not odometry.update((math.nan, 0), 0.12)
 
 
 def test_one_damaged_reply_costs_no_motion():
@@ -115,9 +124,9 @@ def test_one_damaged_reply_costs_no_motion():
     )
     for k in range(50):
         counts = (10 * k, 12 * k)
-        assert clean.update(*counts, 0.02 * k)
+        assert clean.update(counts, 0.02 * k)
         bad = k in (10, 20, 21, 30)
-        assert damaged.update(*(counts if not bad else (70_000 + 999 * k * k, 5)), 0.02 * k) != bad
+        assert damaged.update((70_000 + 999 * k * k, 5) if bad else counts, 0.02 * k) != bad
     assert (damaged.x, damaged.y, damaged.theta) == pytest.approx(
         (clean.x, clean.y, clean.theta), abs=1e-4
     )
@@ -131,13 +140,13 @@ def test_counters_that_come_back_to_zero_after_a_gap_are_no_way_back(gap, v):
     odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
     speeds = ROSBOT.to_channels(*ROSBOT.wheels(v, 0.0))
     for k in range(51):
-        assert odometry.update(*[0.02 * k * v * per_metre] * 2, 0.02 * k, speeds)
+        assert odometry.update((0.02 * k * v * per_metre,) * 2, 0.02 * k, speeds)
     x = odometry.x
     assert x == pytest.approx(v)
     for k in range(3):
         assert odometry.beginnings == 0
         rolled = 0.01 * v * per_metre
-        assert not odometry.update(rolled, rolled, 1.0 + gap + 0.02 * k, (0.0, 0.0))
+        assert not odometry.update((rolled, rolled), 1.0 + gap + 0.02 * k, (0.0, 0.0))
         assert odometry.x == x or k == 2
     assert odometry.beginnings == 1
     assert odometry.x - x == pytest.approx(v * min(gap, 0.5) / 2)  # by its speeds before and after
@@ -147,8 +156,8 @@ def test_one_counter_that_was_read_after_the_reset_is_no_turn():
     per_metre = 1000.0 / (math.tau * 0.0425)
     odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
     speeds = ROSBOT.to_channels(*ROSBOT.wheels(0.3, 0.0))
-    assert odometry.update(0.07 * per_metre, 0.07 * per_metre, 0.0, speeds)
-    assert not odometry.update(0.112 * per_metre, 0.009 * per_metre, 0.13, speeds)
+    assert odometry.update((0.07 * per_metre, 0.07 * per_metre), 0.0, speeds)
+    assert not odometry.update((0.112 * per_metre, 0.009 * per_metre), 0.13, speeds)
     assert odometry.theta == 0.0
 
 
@@ -161,17 +170,17 @@ def test_a_robot_that_drives_across_zero_and_back_is_believed(gap, start):
         t = gap * k
         v, way = 0.3 * math.cos(t), 0.3 * math.sin(t)
         speeds = ROSBOT.to_channels(*ROSBOT.wheels(v, 0.0))
-        assert odometry.update(*[(start + way) * per_metre] * 2, t, speeds)
+        assert odometry.update(((start + way) * per_metre,) * 2, t, speeds)
     assert odometry.x == pytest.approx(way, abs=1e-9) and odometry.beginnings == 0
 
 
 def test_rebase_keeps_the_pose():
     odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
-    odometry.update(0, 0, 0.0)
-    odometry.update(100, 100, 0.1)
+    odometry.update((0, 0), 0.0)
+    odometry.update((100, 100), 0.1)
     x = odometry.x
     odometry.rebase()
-    assert odometry.update(-70_000, 12, 0.2) and odometry.x == x > 0.0
+    assert odometry.update((-70_000, 12), 0.2) and odometry.x == x > 0.0
 
 
 GOOD = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1}
@@ -189,7 +198,10 @@ GOOD = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1}
         ({"track": "wide"}, "geometry.track: expected float, got 'wide'"),
         ({"track": True}, "geometry.track: expected float, got True"),
         ({"invert_left": 1}, "geometry.invert_left: expected bool, got 1"),
-        ({"wheels": 4}, "geometry.wheels: unknown key; [geometry] takes wheel_radius, track"),
+        (
+            {"wheels": 4},
+            "geometry.wheels: unknown key; [geometry] takes wheel_radius, max_wheel_speed",
+        ),
         ({"track": None}, "geometry.track: missing"),
     ],
 )

@@ -197,7 +197,7 @@ def test_whatever_is_wrong_is_told_with_file_and_key_in_one_line(tmp_path, text,
         ('[link]\nurl = "tcp::1"\ndriver = "roboclaw"', "geometry.wheel_radius: missing"),
         (
             '[link]\nurl = "tcp::1"\ndriver = "vesc"\n[geometry]\nwheel_radius = 0',
-            "geometry.track: missing",
+            "geometry.max_wheel_speed: missing",
         ),
     ],
 )

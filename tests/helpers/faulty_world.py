@@ -70,7 +70,7 @@ class HandDriver:
     def health(self):
         return self.core.status(self.clock(), self.transport.connected)
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         self.core.set_point(v, omega, self.clock())
 
     def stop(self) -> None:

@@ -82,7 +82,7 @@ class FakeDriver:
             frame_doubt=self.frame_doubt,
         )
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         self._fail("send")
         assert math.isfinite(v) and math.isfinite(omega)
         self.coming.append((self.clock(), v, omega))

@@ -7,7 +7,7 @@ import random
 from collections import deque
 from dataclasses import replace
 
-from firmware_bridge.messages import Controller, State
+from firmware_bridge.messages import STILL, Controller, State
 from firmware_bridge.recording.watch import DriveWatch
 from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.safety.gate import GateOutput
@@ -26,17 +26,18 @@ class Simulated:
         limits: Limits,
         lag: float = 0.2,
         dead_time: float = 0.1,
-        gains: tuple[float, float] = (1.0, 1.0),
+        gains: tuple[float, ...] = (1.0, 1.0, 1.0),
         period: float = 0.1,
         noise: tuple[float, float] = (0.002, 0.005),
         frozen_after: float = math.inf,
     ) -> None:
-        self.limits, self.gains, self.period, self.noise = limits, gains, period, noise
+        self.limits, self.period, self.noise = limits, period, noise
+        self.gains = (*gains, 1.0)[:3]
         self.watch, self.unmoved = DriveWatch(period, limits), Unmoved(UnmovedOptions())
         self.trouble = ""
         self.frozen_after = frozen_after
         self._keep = math.exp(-TICK / lag) if lag else 0.0
-        self._waiting = deque([(0.0, 0.0)] * (round(dead_time / TICK) + 1))
+        self._waiting = deque([STILL] * (round(dead_time / TICK) + 1))
         self._random = random.Random(0)
         self.state = State(0.0, 0.0, 0.3, 0.0, 0.0, 0.0)
 
@@ -50,7 +51,7 @@ class Simulated:
 
     def drive(self, controller: Controller, seconds: float) -> list[State]:
         """Drive until time is up, or the watch finds trouble; true poses."""
-        poses, command, wanted, pose = [], (0.0, 0.0), (0.0, 0.0), self.seen()
+        poses, command, wanted, pose = [], STILL, STILL, self.seen()
         every = round(self.period / TICK) or 1
         for k in range(round(seconds / TICK)):
             if self.state.stamp < self.frozen_after:
@@ -58,9 +59,9 @@ class Simulated:
             pose = replace(pose, stamp=self.state.stamp)
             if k % every == 0:
                 answer = controller(pose)
-                wanted = self.limits.clip(answer.v, answer.omega)
+                wanted = self.limits.clip(answer.speeds)
             command = self.limits.slew(command, wanted, TICK)
-            output = GateOutput(*command, Action.SEND, GateState.ACTIVE, ())
+            output = GateOutput(*command[:2], Action.SEND, GateState.ACTIVE, (), command[2])
             self.watch.on_tick(self.state.stamp, pose, output, True, k % every == 0)
             stays = self.unmoved.look(GateState.ACTIVE, self.state.stamp, command, pose)
             self.trouble = self.watch.trouble or stays
@@ -68,12 +69,11 @@ class Simulated:
                 break
             self._waiting.append(command)
             told = self._waiting.popleft()
-            v, omega = (
+            s = self.state
+            v, omega, vy = (
                 gain * c + (now - gain * c) * self._keep
-                for gain, c, now in zip(
-                    self.gains, told, (self.state.v, self.state.omega), strict=True
-                )
+                for gain, c, now in zip(self.gains, told, (s.v, s.omega, s.vy), strict=True)
             )
-            self.state = unicycle_arc(self.state, v, omega, TICK)
+            self.state = unicycle_arc(s, v, omega, TICK, vy)
             poses.append(self.state)
         return poses

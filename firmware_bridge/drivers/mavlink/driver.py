@@ -131,7 +131,7 @@ class MavlinkDriver:
         """Newest state, None before the first."""
         return self._core.state
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Command forward speed [m/s] and turn rate, counter-clockwise [rad/s].
 
         Zeros are always sent. Anything else is held back and counted while we do not control the

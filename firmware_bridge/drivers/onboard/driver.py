@@ -25,7 +25,7 @@ from firmware_bridge.drivers.onboard.messages import (
 )
 from firmware_bridge.drivers.onboard.task import Task, task_of
 from firmware_bridge.drivers.ticking import TickingDriver
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.options import bounded, check
@@ -60,7 +60,7 @@ class OnboardDriver(TickingDriver):
     ----------
     transport : Transport
         Not yet started; the driver starts and closes it.
-    geometry : WheelGeometry
+    geometry : Geometry
         Of the robot.
     options : OnboardOptions
         How long speeds hold.
@@ -68,9 +68,7 @@ class OnboardDriver(TickingDriver):
 
     board, options_type, tick = "Onboard", OnboardOptions, TICK
 
-    def __init__(
-        self, transport: Transport, geometry: WheelGeometry, options: OnboardOptions
-    ) -> None:
+    def __init__(self, transport: Transport, geometry: Geometry, options: OnboardOptions) -> None:
         super().__init__(transport, geometry)
         self._options = options
         self._frames = decoder()
@@ -110,9 +108,9 @@ class OnboardDriver(TickingDriver):
                 return State(0.0, 0.0, 0.0, v, omega, time.monotonic())
             return State(*self._pose, v, omega, self._pose_stamp)
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Have it drive at a speed; a task is given up."""
-        v, omega = self._geometry.body(*self._geometry.wheels(v, omega))
+        v, omega, _ = self._geometry.body(self._geometry.wheels(v, omega, vy))
         with self._lock:
             self._task = None
             if (v, omega) == (0.0, 0.0):

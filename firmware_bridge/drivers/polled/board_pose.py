@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.messages import State
+from firmware_bridge.odometry import WheelOdometry
 
 JUMP_SHOWN = 1.0
 """How long a jump of the counters makes the pose count as untrue [s]."""
@@ -14,17 +15,17 @@ ABSURD = 5.0
 
 
 class BoardPose:
-    """Newest state from counters and speeds of both channels.
+    """Newest state from counters and speeds of all channels.
 
     Parameters
     ----------
-    geometry : WheelGeometry
+    geometry : Geometry
         Of the robot.
     odometry : WheelOdometry
         Fits the board's counters.
     """
 
-    def __init__(self, geometry: WheelGeometry, odometry: WheelOdometry) -> None:
+    def __init__(self, geometry: Geometry, odometry: WheelOdometry) -> None:
         self._geometry, self._odometry = geometry, odometry
         self._jumped = self._restarted = -math.inf
         self.state: State | None = None
@@ -57,18 +58,27 @@ class BoardPose:
         """Remember that the board was restarted."""
         self._restarted = now
 
-    def plausible(self, counts: tuple[float, float], speeds: tuple[float, float]) -> bool:
+    def plausible(self, counts: tuple[float, ...], speeds: tuple[float, ...]) -> bool:
         """Whether wheels can do that: counts, and speeds [motor turns/s]."""
         fastest = (ABSURD * self._geometry.max_wheel_speed + 1.0) / self._geometry.wheel_radius
-        finite = math.isfinite(counts[0] + counts[1])
+        finite = all(map(math.isfinite, counts))
         return finite and all(abs(w) <= fastest for w in self._geometry.from_channels(*speeds))
 
-    def move(self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float) -> bool:
-        """Take counts and speeds [motor turns/s] in; False, without a move, where they jumped."""
-        if not self._odometry.update(*counts, stamp, speeds):
+    def move(
+        self,
+        counts: tuple[float, ...],
+        speeds: tuple[float, ...],
+        stamp: float,
+        curvature: float,
+    ) -> bool:
+        """Take counts and speeds [motor turns/s] in; False, without a move, where they jumped.
+
+        A car drives in a curvature [1/m].
+        """
+        if not self._odometry.update(counts, stamp, speeds, curvature):
             self._jumped = stamp
             return False
-        v, omega = self._geometry.body(*self._geometry.from_channels(*speeds))
+        v, omega, vy = self._geometry.body(self._geometry.from_channels(*speeds), curvature)
         odometry = self._odometry
-        self.state = State(odometry.x, odometry.y, odometry.theta, v, omega, stamp)
+        self.state = State(odometry.x, odometry.y, odometry.theta, v, omega, stamp, vy)
         return True

@@ -7,7 +7,6 @@ import time
 from collections.abc import Hashable, Mapping
 from typing import Any
 
-from firmware_bridge.drivers.polled.exchange import STANDSTILL
 from firmware_bridge.drivers.polled.thread import SILENCE, PollingThread
 from firmware_bridge.link.framing import Lines
 from firmware_bridge.messages import LinkError, LinkStatus, State
@@ -55,7 +54,7 @@ class PolledDriver(PollingThread):
     ----------
     transport : Transport
         Not yet started; the driver starts and closes it.
-    geometry : WheelGeometry
+    geometry : Geometry
         Of the robot.
     odometry : WheelOdometry
         Fits the board's counters.
@@ -91,12 +90,14 @@ class PolledDriver(PollingThread):
         """Newest odometry."""
         return self._pose.state
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Command speeds: written at once, or after the reply that is under way."""
-        left, right = self._geometry.wheels(v, omega)
+        wheels, now = self._geometry.wheels(v, omega, vy), time.monotonic()
         with self._changed:
-            self._held.put(self._geometry.to_channels(left, right), time.monotonic())
-            if left == right == 0.0:
+            self._held.put(self._geometry.to_channels(*wheels), now)
+            if self._steering is not None:
+                self._steering.command(v, omega, now)
+            if not any(wheels):
                 self._released = False  # only standing still may take the motors back
             if not self.answers_commands:
                 self._send_pending()
@@ -105,7 +106,7 @@ class PolledDriver(PollingThread):
     def stop(self) -> None:
         """Zero speed, then release the motors; the next zero command takes them back."""
         with self._changed:
-            self._held.put(STANDSTILL, time.monotonic())
+            self._held.put(self._geometry.still, time.monotonic())
             self._released = True
             if not self.answers_commands:
                 self._send_pending()

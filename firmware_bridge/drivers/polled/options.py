@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check
 
@@ -45,7 +45,7 @@ INT32 = 2**31
 """Counts, and speeds of boards, are 32-bit numbers."""
 
 
-def counts_per_metre(geometry: WheelGeometry, counts_per_turn: float) -> float:
+def counts_per_metre(geometry: Geometry, counts_per_turn: float) -> float:
     """Encoder counts per metre that a wheel drives.
 
     Raises

@@ -12,9 +12,10 @@ from firmware_bridge.drivers.polled.board_pose import BoardPose
 from firmware_bridge.drivers.polled.exchange import Exchange, HeldCommand, NoReply
 from firmware_bridge.drivers.polled.options import PolledOptions
 from firmware_bridge.drivers.polled.wheel_checks import DeadWheels, RunawayWheels
-from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.kinematics import CarGeometry, Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
+from firmware_bridge.odometry import Steering, WheelOdometry
 
 
 class Board(MotorBoard):
@@ -37,8 +38,8 @@ class Board(MotorBoard):
         """Ask for counters, speeds and errors once; calls `_moved`."""
         raise NotImplementedError
 
-    def _drive(self, first: float, second: float) -> None:
-        """Send the speeds of both channels, in motor turns per second."""
+    def _drive(self, *speeds: float) -> None:
+        """Send the speeds of all channels, in motor turns per second."""
         raise NotImplementedError
 
     def _release(self) -> None:
@@ -85,16 +86,23 @@ class PollingThread(Board):
     def __init__(
         self,
         transport: Transport,
-        geometry: WheelGeometry,
+        geometry: Geometry,
         odometry: WheelOdometry,
         options: PolledOptions,
     ) -> None:
         self._transport, self._geometry = transport, geometry
         self._pose = BoardPose(geometry, odometry)
-        self._odometry, self._dead = odometry, DeadWheels(geometry.wheel_radius, odometry.count)
-        self._runaway = RunawayWheels(geometry.max_wheel_speed / geometry.wheel_radius)
+        self._odometry, self._dead = (
+            odometry,
+            DeadWheels(geometry.names, geometry.wheel_radius, odometry.count),
+        )
+        self._runaway = RunawayWheels(
+            geometry.names, geometry.max_wheel_speed / geometry.wheel_radius
+        )
+        self._steering = Steering(geometry) if isinstance(geometry, CarGeometry) else None
         self._period = 1.0 / options.poll_hz
-        self._held = HeldCommand(options.command_timeout, 0 if self.answers_commands else ZEROS)
+        repeats = 0 if self.answers_commands else ZEROS
+        self._held = HeldCommand(options.command_timeout, repeats, geometry.still)
         self._exchange = Exchange(transport, options.reply_timeout, self._begin)
         self._changed = self._exchange.changed
         self._thread: threading.Thread | None = None
@@ -157,7 +165,7 @@ class PollingThread(Board):
                 pass  # it is written; the reply is not awaited
 
     def _halt(self) -> None:
-        self._drive(0.0, 0.0)
+        self._drive(*self._geometry.still)
 
     def _round(self, cycle: int) -> None:
         """Ask once, repeat a zero that may be lost, and take back motors that the board let go."""
@@ -197,14 +205,12 @@ class PollingThread(Board):
             if not self._held.pending:
                 return
             self._held.pending = False
-            first, second = self._held.value
-            if (first != 0.0 or second != 0.0) and (
-                self._released or not self._armed or not self._configured
-            ):
+            speeds = self._held.value
+            if any(speeds) and (self._released or not self._armed or not self._configured):
                 self._counters["refused_commands"] += 1
-                first = second = 0.0
+                speeds = self._geometry.still
             try:
-                self._drive(first, second)
+                self._drive(*speeds)
                 if self._released:
                     self._release()
             except NoReply:
@@ -243,15 +249,14 @@ class PollingThread(Board):
         self._counters["board_restarts"] += self._configured
         self._configured = False
 
-    def _moved(
-        self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float
-    ) -> None:
-        """Take counters and speeds (motor turns per second) of both channels into the odometry."""
+    def _moved(self, counts: tuple[float, ...], speeds: tuple[float, ...], stamp: float) -> None:
+        """Take counters and speeds (motor turns per second) of all channels into the odometry."""
         if not self._pose.plausible(counts, speeds):
             raise self._exchange.refuse(f"counters {counts}, speeds {speeds}")
         with self._changed:
             beginnings = self._pose.beginnings
-            if not self._pose.move(counts, speeds, stamp):
+            curvature = 0.0 if self._steering is None else self._steering.at(stamp)
+            if not self._pose.move(counts, speeds, stamp, curvature):
                 self._counters["odometry_jumps"] += 1
                 if self._pose.beginnings != beginnings:
                     self._note_restart()
@@ -259,8 +264,8 @@ class PollingThread(Board):
             self._watch_wheels(speeds, stamp)
             self._changed.notify_all()
 
-    def _watch_wheels(self, speeds: tuple[float, float], stamp: float) -> None:
-        """See whether both wheels follow their commands; motors that are off need not."""
+    def _watch_wheels(self, speeds: tuple[float, ...], stamp: float) -> None:
+        """See whether the wheels follow their commands; motors that are off need not."""
         if self._released or self._errors or not (self._armed and self._configured):
             self._dead.forget()
             self._runaway.forget()

@@ -10,7 +10,6 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-SIDES = "left", "right"
 PATIENCE = 1.0
 """How long a driven wheel's counter may stand [s]: longer than any motor's lag."""
 TRAVEL, COUNTS = 0.15, 3.0
@@ -33,10 +32,12 @@ class Stretch:
 
 
 class DeadWheels:
-    """Compares the commands of both wheels with their counters.
+    """Compares the commands of the wheels with their counters.
 
     Parameters
     ----------
+    names : tuple of str
+        Of the wheels.
     wheel_radius : float
         [m]
     count : float
@@ -44,26 +45,26 @@ class DeadWheels:
 
     Examples
     --------
-    >>> wheels = DeadWheels(wheel_radius=0.05, count=0.01)
+    >>> wheels = DeadWheels(("left", "right"), wheel_radius=0.05, count=0.01)
     >>> for k in range(120):
     ...     wheels.take((6.0, 6.0), (0.06, 0.0), 0.01 * k)
     >>> wheels.faults()[0][:48]
     'the right wheel is driven and its counter stands'
     """
 
-    def __init__(self, wheel_radius: float, count: float) -> None:
-        self._farthest = max(TRAVEL / wheel_radius, COUNTS * count)
-        self._stretches = (Stretch(), Stretch())
-        self._last: float | None = None
+    def __init__(self, names: tuple[str, ...], wheel_radius: float, count: float) -> None:
+        self._names, self._farthest = names, max(TRAVEL / wheel_radius, COUNTS * count)
+        self.forget()
 
     def forget(self) -> None:
         """Begin anew: the motors were let go, or the board was set up."""
-        self._stretches, self._last = (Stretch(), Stretch()), None
+        self._stretches = tuple(Stretch() for _ in self._names)
+        self._last: float | None = None
 
-    def take(self, told: tuple[float, float], turned: tuple[float, float], now: float) -> None:
-        """Take the commanded speeds of both wheels [rad/s], and how far they turned [rad].
+    def take(self, told: tuple[float, ...], turned: tuple[float, ...], now: float) -> None:
+        """Take the commanded speeds of the wheels [rad/s], and how far they turned [rad].
 
-        Left and right, since the last call; `now` is when the counters were read [s].
+        Since the last call; `now` is when the counters were read [s].
         """
         dt = 0.0 if self._last is None else max(0.0, now - self._last)
         self._last = now
@@ -78,7 +79,7 @@ class DeadWheels:
         return tuple(
             f"the {side} wheel is driven and its counter stands: is its encoder unplugged, or its "
             "motor off or blocked?"
-            for side, stretch in zip(SIDES, self._stretches, strict=True)
+            for side, stretch in zip(self._names, self._stretches, strict=True)
             if self._last is not None
             and abs(stretch.told) >= self._farthest
             and self._last - stretch.since >= PATIENCE
@@ -119,38 +120,40 @@ class Wheel:
 
 
 class RunawayWheels:
-    """Compares the speeds of both wheels with their commands; a fault stays until `forget`.
+    """Compares the speeds of the wheels with their commands; a fault stays until `forget`.
 
     Parameters
     ----------
+    names : tuple of str
+        Of the wheels.
     top : float
         Largest speed of a wheel [rad/s].
 
     Examples
     --------
-    >>> wheels = RunawayWheels(top=20.0)
+    >>> wheels = RunawayWheels(("left", "right"), top=20.0)
     >>> for k in range(12):
     ...     wheels.take((6.0, 6.0), (6.1, 19.0), 0.02 * k)
     >>> wheels.faults()[0][:42]
     'the right wheel runs faster than commanded'
     """
 
-    def __init__(self, top: float) -> None:
-        self._margin = MARGIN * top
-        self._wheels = (Wheel(), Wheel())
-        self._faults: tuple[str, ...] = ()
+    def __init__(self, names: tuple[str, ...], top: float) -> None:
+        self._names, self._margin = names, MARGIN * top
+        self.forget()
 
     def forget(self) -> None:
         """Begin anew: the motors were let go."""
-        self._wheels, self._faults = (Wheel(), Wheel()), ()
+        self._wheels = tuple(Wheel() for _ in self._names)
+        self._faults: tuple[str, ...] = ()
 
     def faults(self) -> tuple[str, ...]:
         """What is wrong, in words."""
         return self._faults
 
-    def take(self, told: tuple[float, float], speeds: tuple[float, float], now: float) -> None:
-        """Take the commands and the speeds of both wheels [rad/s], left and right."""
-        for side, wheel, wanted, speed in zip(SIDES, self._wheels, told, speeds, strict=True):
+    def take(self, told: tuple[float, ...], speeds: tuple[float, ...], now: float) -> None:
+        """Take the commands and the speeds of the wheels [rad/s]."""
+        for side, wheel, wanted, speed in zip(self._names, self._wheels, told, speeds, strict=True):
             wheel.told.append((now, wanted))
             words = wheel.excess(speed, now, self._margin)
             if not words:

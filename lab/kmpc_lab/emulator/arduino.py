@@ -6,8 +6,9 @@ import re
 from typing import Unpack
 
 from firmware_bridge.drivers.arduino import DRIVEN, VERSION, WATCHDOG, ArduinoOptions, line
-from firmware_bridge.kinematics import WheelGeometry, wrapped
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link.framing import crc16
+from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 LONGEST_LINE = 48
@@ -28,13 +29,13 @@ class ArduinoEmulator(BoardEmulator):
     options_type = ArduinoOptions
 
     def __init__(
-        self, geometry: WheelGeometry, options: ArduinoOptions, **around: Unpack[Scene]
+        self, geometry: Geometry, options: ArduinoOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         self._counts_per_turn = options.counts_per_turn
         self._buffer = bytearray()
         self._dropping = False
-        self._body.driven = [False, False]
+        self._let_go_all()
         self._reset()
 
     def _reset(self) -> None:

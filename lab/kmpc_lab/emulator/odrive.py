@@ -12,7 +12,7 @@ from typing import Unpack
 
 from firmware_bridge.drivers.odrive import CLOSED_LOOP, IDLE, ODriveOptions
 from firmware_bridge.drivers.odrive_errors import REGISTERS
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link.framing import Lines, odrive_text, xor8
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
@@ -52,7 +52,7 @@ class ODriveEmulator(BoardEmulator):
 
     def __init__(
         self,
-        geometry: WheelGeometry,
+        geometry: Geometry,
         options: ODriveOptions | None = None,
         firmware: str = "0.5",
         **around: Unpack[Scene],
@@ -64,7 +64,7 @@ class ODriveEmulator(BoardEmulator):
         self._lines = Lines()
         self.axes = (Axis(), Axis())
         """Registers of axes 0 and 1; set errors to see what the other end does."""
-        self._body.driven = [False, False]
+        self._let_go_all()
 
     def _reset(self) -> None:
         self.axes = (Axis(), Axis())
@@ -112,7 +112,7 @@ class ODriveEmulator(BoardEmulator):
                 axis.errors = 0
             return None
         if command == "sr":
-            self._body.command, self._body.driven = [0.0, 0.0], [False, False]
+            self._let_go_all()
             self._zero = list(self._body.turns)
             self._reset()
             return None

@@ -20,7 +20,7 @@ from firmware_bridge.drivers.onboard.messages import (
     decoder,
     message,
 )
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 LASTS = 0.25
@@ -41,7 +41,7 @@ class OnboardEmulator(BoardEmulator):
     options_type = OnboardOptions
 
     def __init__(
-        self, geometry: WheelGeometry, options: OnboardOptions, **around: Unpack[Scene]
+        self, geometry: Geometry, options: OnboardOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         self._reset()

@@ -19,8 +19,9 @@ from firmware_bridge.drivers.roboclaw import (
     STOPPING_32,
     RoboClawOptions,
 )
-from firmware_bridge.kinematics import WheelGeometry, wrapped
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link.framing import ROBOCLAW_ACK, RoboClawPackets, roboclaw_reply
+from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 SPEED_M1 = 35
@@ -62,7 +63,7 @@ class RoboClawEmulator(BoardEmulator):
 
     def __init__(
         self,
-        geometry: WheelGeometry,
+        geometry: Geometry,
         options: RoboClawOptions,
         status_bytes: int = 4,
         **around: Unpack[Scene],

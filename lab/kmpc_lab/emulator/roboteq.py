@@ -6,8 +6,9 @@ import re
 from typing import Unpack
 
 from firmware_bridge.drivers.roboteq import RPM, RoboteqOptions
-from firmware_bridge.kinematics import WheelGeometry, wrapped
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link.framing import Lines
+from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 WORD = re.compile(r"-?\d{1,10}")
@@ -31,7 +32,7 @@ class RoboteqEmulator(BoardEmulator):
     options_type = RoboteqOptions
 
     def __init__(
-        self, geometry: WheelGeometry, options: RoboteqOptions, **around: Unpack[Scene]
+        self, geometry: Geometry, options: RoboteqOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         self._counts_per_turn = options.counts_per_turn

@@ -6,7 +6,7 @@ import math
 from typing import Unpack
 
 from firmware_bridge.drivers.sabertooth import FULL, TIMEOUT, TIMEOUT_UNIT, SabertoothOptions
-from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.kinematics import Geometry
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 BAUDING = 0xAA
@@ -21,11 +21,11 @@ class SabertoothEmulator(BoardEmulator):
     options_type = SabertoothOptions
 
     def __init__(
-        self, geometry: WheelGeometry, options: SabertoothOptions, **around: Unpack[Scene]
+        self, geometry: Geometry, options: SabertoothOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         wheel = options.full_speed / geometry.wheel_radius
-        self._full = abs(geometry.to_channels(wheel, wheel)[0])
+        self._full = wheel * geometry.gear_ratio / math.tau
         self._addresses = (options.address, options.second_address)
         self._reset()
 

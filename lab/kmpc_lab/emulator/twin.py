@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from firmware_bridge.kinematics import WheelGeometry
-from kmpc_lab.emulator.board import COAST, STEP, STILL, Body
+from firmware_bridge.kinematics import Geometry
+from kmpc_lab.emulator.body import COAST, STEP, STILL, Body
 from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 from kmpc_lab.sim.twin import Twin
 from kmpc_lab.sim.twin.mjcf import LEFT, TRACK, WHEEL_RADIUS
@@ -24,7 +24,7 @@ class TwinBody(Body):
 
     Parameters
     ----------
-    geometry : WheelGeometry
+    geometry : Geometry
         Of the robot file; of it the channels' order, signs and gears count here.
     twin : Twin
         The robot.
@@ -32,7 +32,7 @@ class TwinBody(Body):
         Time of the clock at the start [s].
     """
 
-    def __init__(self, geometry: WheelGeometry, twin: Twin, now: float) -> None:
+    def __init__(self, geometry: Geometry, twin: Twin, now: float) -> None:
         super().__init__(geometry, slip=0.0, turn_gain=1.0, seed=0, lag=0.0, now=now)
         self.twin = twin
         self._left = np.array(LEFT)
@@ -70,7 +70,7 @@ class TwinBody(Body):
         ):
             self.speeds = [0.0, 0.0]
 
-    def _channels(self, wheels: np.ndarray) -> tuple[float, float]:
+    def _channels(self, wheels: np.ndarray) -> tuple[float, ...]:
         """Motor turns of both channels, from radians of the four wheels."""
         return self._geometry.to_channels(
             float(wheels[self._left].mean()), float(wheels[~self._left].mean())

@@ -21,8 +21,9 @@ from firmware_bridge.drivers.vesc import (
     STEPS_PER_ELECTRIC_TURN,
     VescOptions,
 )
-from firmware_bridge.kinematics import WheelGeometry, wrapped
+from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link.framing import VescPackets, vesc_packet
+from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 LAYOUT = "h h i i i i h i h i i i i i i B i B".split()
@@ -51,7 +52,7 @@ class VescEmulator(BoardEmulator):
 
     def __init__(
         self,
-        geometry: WheelGeometry,
+        geometry: Geometry,
         options: VescOptions,
         local_id: int = 77,
         selective: bool = True,
@@ -68,7 +69,7 @@ class VescEmulator(BoardEmulator):
         self._packets = VescPackets()
         self.faults = [0, 0]
         """Fault codes of both; set them to see what the other end does."""
-        self._body.driven = [False, False]
+        self._let_go_all()
 
     def _reset(self) -> None:
         self.faults, self._fed = [0, 0], [-math.inf, -math.inf]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -10,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 import kmpc_lite as kl
-from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.messages import State, VelocityCommand, command_of
 from firmware_bridge.runtime.controller_thread import Predict, unicycle_arc
 from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
 from firmware_bridge.safety.gate_settings import TICK
@@ -117,7 +116,7 @@ def carry_with(model: kl.KoopmanModel) -> Predict:
     if finest is None:
         return unicycle_arc
 
-    def predict(state: State, v: float, omega: float, dt: float) -> State:
+    def predict(state: State, v: float, omega: float, dt: float, vy: float = 0.0) -> State:
         step = finest if abs(dt - TICK) < 1e-9 else finest.with_dt(dt)
         x, y, theta = step.predict(np.array((state.x, state.y, state.theta)), np.array((v, omega)))
         return State(float(x), float(y), float(theta), v, omega, state.stamp + dt)
@@ -146,7 +145,7 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     def step(pose: tuple[float, float, float], around: Any, moment: Moment) -> Planned:
         told = {}
         if isinstance(controller, kl.Controller):
-            told["sent"] = moment.held or (math.nan, math.nan)
+            told["sent"] = command_of(moment.held, 2)
         plan = controller.step(pose, scenario.goal, around, **told)
         if moment.driving:
             plans.append(plan)

@@ -123,7 +123,8 @@ class WiredRoboClaw:
                 ">ii", self._ask(roboclaw_request(address, RAW_SPEEDS), RAW_SPEEDS, 8)
             )
             turns = first / self._options.counts_per_turn, second / self._options.counts_per_turn
-            self._speeds = self._board.geometry.body(*self._board.geometry.from_channels(*turns))
+            v, omega, _ = self._board.geometry.body(self._board.geometry.from_channels(*turns))
+            self._speeds = v, omega
         for stamp, (x, y, theta) in self._mocap.look(now, self._board.pose):
             self._state = State(x, y, theta, *self._speeds, stamp)
 
@@ -136,7 +137,7 @@ class WiredRoboClaw:
         stamp = -math.inf if self._state is None else self._state.stamp
         return LinkStatus(True, self._clock(), stamp, ready=not self._released)
 
-    def send(self, v: float, omega: float) -> None:
+    def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Command speeds: they arrive after the network's delay, in order."""
         left, right = self._board.geometry.wheels(v, omega)
         per_turn = self._options.counts_per_turn

@@ -15,6 +15,7 @@ from firmware_bridge.cli.course import (
     goal_tolerance,
     load_model,
 )
+from firmware_bridge.messages import STILL
 from firmware_bridge.robot_file import load_robot
 from kmpc_lite.cli.fit import make_dictionary
 
@@ -73,7 +74,7 @@ def test_the_controller_knows_the_ramps_of_the_gate():
     ramps = limits.acceleration, limits.angular_acceleration
     np.testing.assert_array_equal(problem.du_max, ramps)
     # what one period's plan asks for, the gate drives within the period
-    assert limits.slew((0.0, 0.0), (0.1 * ramps[0], 0.0), 0.1) == (0.1 * ramps[0], 0.0)
+    assert limits.slew(STILL, (wanted := (0.1 * ramps[0], 0.0, 0.0)), 0.1) == wanted
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ TICK = 0.02
 
 def watched(told, turns, count=0.001):
     """Faults after each of N looks at both wheels (N, 2) [rad/s], (N, 2) [rad]."""
-    wheels, found = DeadWheels(0.05, count), []
+    wheels, found = DeadWheels(("left", "right"), 0.05, count), []
     for k, (speeds, steps) in enumerate(zip(told, turns, strict=True)):
         wheels.take(tuple(speeds), tuple(steps), TICK * k)
         found.append(wheels.faults())

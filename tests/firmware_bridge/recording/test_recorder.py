@@ -122,7 +122,9 @@ def test_a_pose_that_is_not_finite_leaves_its_rows_out():
     for k in range(300):
         t = 10.0 + k * TICK
         x = math.nan if 150 <= k < 155 else 0.1 * t
-        rows += sampler.take(Tick(t, State(x, 0.0, 0.0, 0.1, 0.0, t), (0.1, 0.0), True, fresh=True))
+        rows += sampler.take(
+            Tick(t, State(x, 0.0, 0.0, 0.1, 0.0, t), (0.1, 0.0, 0.0), True, fresh=True)
+        )
     rows += sampler.finish(t)
     assert np.isfinite(rows).all()
     steps = np.diff([r[0] for r in rows])
@@ -136,7 +138,7 @@ def test_the_heading_is_interpolated_the_short_way_round():
         t = 10.0 + k * TICK
         theta = math.remainder(3.0 + 1.0 * t, math.tau)
         rows += sampler.take(
-            Tick(t, State(0.0, 0.0, theta, 0.0, 1.0, t), (0.0, 1.0), True, fresh=True)
+            Tick(t, State(0.0, 0.0, theta, 0.0, 1.0, t), (0.0, 1.0, 0.0), True, fresh=True)
         )
     turns = np.remainder(np.diff([r[3] for r in rows]) + math.pi, math.tau) - math.pi
     assert np.allclose(turns, 0.1, atol=1e-9)

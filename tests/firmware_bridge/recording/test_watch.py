@@ -77,4 +77,4 @@ def test_by_hand_the_measured_speeds_are_kept_and_nothing_is_judged():
         output = GateOutput(0.0, 0.0, Action.NOTHING, GateState.IDLE, ())
         watch.on_tick(k * TICK, State(0.0, 0.0, 0.0, 0.2, -0.3, k * TICK), output, False, False)
     assert watch.trouble == "" and len(watch.stretches[0]) > 90
-    assert watch.stretches[0][5] == pytest.approx((0.2, -0.3))
+    assert watch.stretches[0][5] == pytest.approx((0.2, -0.3, 0.0))

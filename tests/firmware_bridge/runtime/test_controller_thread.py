@@ -21,10 +21,10 @@ def test_the_mean_is_weighed_by_time() -> None:
     sent = SentCommands()
     sent.add(0.0, 1.0, 0.0)
     sent.add(0.25, 3.0, 1.0)
-    assert sent.mean(0.0, 1.0) == pytest.approx((2.5, 0.75))
-    assert sent.mean(0.25, 1.0) == pytest.approx((3.0, 1.0))
-    assert sent.mean(0.1, 0.2) == pytest.approx((1.0, 0.0))
-    v, omega = ramp(1.0).mean(0.5, 0.6)  # type: ignore[misc]
+    assert sent.mean(0.0, 1.0) == pytest.approx((2.5, 0.75, 0.0))
+    assert sent.mean(0.25, 1.0) == pytest.approx((3.0, 1.0, 0.0))
+    assert sent.mean(0.1, 0.2) == pytest.approx((1.0, 0.0, 0.0))
+    v, omega, _ = ramp(1.0).mean(0.5, 0.6)  # type: ignore[misc]
     assert (v, omega) == pytest.approx((0.54, 1.08))
 
 
@@ -50,7 +50,7 @@ def test_the_planner_tells_it_from_the_second_period_on_and_not_after_a_gap() ->
             planner.sent.add(now, 0.1 * k, -0.1 * k)
             now += 0.02
     assert held[0] is None and held[5] is None
-    assert held[3] == pytest.approx((0.2, -0.2)) and held[6] == pytest.approx((0.6, -0.6))
+    assert held[3] == pytest.approx((0.2, -0.2, 0.0)) and held[6] == pytest.approx((0.6, -0.6, 0.0))
 
 
 def test_a_plan_is_for_the_moment_at_which_it_is_ready():

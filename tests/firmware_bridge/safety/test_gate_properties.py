@@ -5,7 +5,7 @@ import math
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from firmware_bridge.messages import LinkStatus, State, VelocityCommand
+from firmware_bridge.messages import STILL, LinkStatus, State, VelocityCommand
 from firmware_bridge.safety.gate import LONGEST_RISE, GateOutput, SafetyGate
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import Action, GateState, Reason
@@ -175,14 +175,14 @@ def test_whatever_goes_stale_the_robot_is_braked_within_300_ms(bounds, v, omega,
 @given(limits, speeds, speeds)
 @example(Limits(1.0, 0.0, 1.0, 1.0, 1.0, 0.25, 1.0), 1.192092896e-07, 1.0)
 def test_one_scale_for_both_speeds_keeps_the_curve_from_rest_and_to_rest(bounds, v, omega):
-    target = bounds.clip(v, omega)
+    target = bounds.clip((v, omega, 0.0))
     assert (
         v * target[1] == 0.0
         or abs(target[0] * omega - target[1] * v) <= 1e-9 * (1 + abs(v) + abs(omega))
         or bounds.v_reverse == 0.0 > v
     )
-    command = (0.0, 0.0)
-    for goal in (target, (0.0, 0.0)):
+    command = STILL
+    for goal in (target, STILL):
         for _ in range(100_000):
             command = bounds.slew(command, goal, TICK)
             assert abs(command[0] * target[1] - command[1] * target[0]) <= 1e-8
@@ -194,8 +194,8 @@ def test_one_scale_for_both_speeds_keeps_the_curve_from_rest_and_to_rest(bounds,
 @settings(max_examples=300, deadline=None)
 @given(limits, speeds, speeds)
 def test_clipping_keeps_what_is_within_bounds_and_the_signs(bounds, v, omega):
-    clipped = bounds.clip(v, omega)
+    clipped = bounds.clip((v, omega, 0.0))
     if -bounds.v_reverse <= v <= bounds.v_max and abs(omega) <= bounds.omega_max:
-        assert clipped == (v, omega)
+        assert clipped == (v, omega, 0.0)
     assert clipped[0] * v >= 0.0 and clipped[1] * omega >= 0.0
-    assert bounds.clip(*clipped) == clipped
+    assert bounds.clip(clipped) == clipped

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from gate_world import SETTINGS
 
-from firmware_bridge.messages import ConfigError
+from firmware_bridge.messages import STILL, ConfigError
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.limits import Limits
 
@@ -53,7 +53,7 @@ def test_a_geofence_is_checked(fence):
 def test_limits_are_checked(name, value):
     with pytest.raises(ConfigError, match=name):
         Limits(**{name: value})
-    assert Limits(v_reverse=0.0).clip(-1.0, 0.5) == (0.0, 0.0)
+    assert Limits(v_reverse=0.0).clip((-1.0, 0.5, 0.1)) == STILL
 
 
 @pytest.mark.parametrize(

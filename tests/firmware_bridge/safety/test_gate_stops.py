@@ -3,6 +3,7 @@
 import pytest
 from gate_world import TICK, World, into
 
+from firmware_bridge.messages import STILL
 from firmware_bridge.safety.gate import LONGEST_RISE, RESEND
 from firmware_bridge.safety.gate_table import Action, GateState
 from firmware_bridge.safety.limits import Limits
@@ -107,8 +108,8 @@ def test_a_gate_that_was_held_up_brakes_for_the_whole_time_and_speeds_up_for_a_l
     """With a tick every 0.9 s the ramp took 3.64 s instead of 0.20 s."""
     limits = Limits(v_max=1.0, acceleration=1.0, deceleration=2.0)
     for pause, speed in ((0.02, 0.96), (0.1, 0.8), (0.3, 0.4), (0.9, 0.0)):
-        assert limits.slew((1.0, 0.0), (0.0, 0.0), pause, LONGEST_RISE)[0] == pytest.approx(speed)
-        risen = limits.slew((0.0, 0.0), (1.0, 0.0), pause, LONGEST_RISE)[0]
+        assert limits.slew((1.0, 0.0, 0.0), STILL, pause, LONGEST_RISE)[0] == pytest.approx(speed)
+        risen = limits.slew(STILL, (1.0, 0.0, 0.0), pause, LONGEST_RISE)[0]
         assert risen == pytest.approx(min(pause, LONGEST_RISE))
     world = World().drive()
     world.gate.stop()

@@ -20,7 +20,7 @@ def looks(commands, answer, options=None):
     watch, here = Unmoved(options or UnmovedOptions()), State(1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
     said = []
     for k, command in enumerate(commands):
-        said.append(watch.look(GateState.ACTIVE, TICK * k, tuple(command), here))
+        said.append(watch.look(GateState.ACTIVE, TICK * k, (*command, 0.0), here))
         here = answer(here, *command, k)
     return said
 
@@ -73,7 +73,7 @@ def test_a_robot_that_stands_at_its_goal_or_dithers_is_not_told_of():
 def test_what_was_told_in_a_stall_does_not_count():
     watch, here = Unmoved(UnmovedOptions()), State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(40):
-        assert not watch.look(GateState.ACTIVE, 0.5 * k, (0.3, 0.0), here)
+        assert not watch.look(GateState.ACTIVE, 0.5 * k, (0.3, 0.0, 0.0), here)
 
 
 def test_a_pose_that_is_none_is_left_out():

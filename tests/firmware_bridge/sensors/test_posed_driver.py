@@ -150,7 +150,7 @@ class _Nobody:
     def connect(self, timeout):
         pass
 
-    def send(self, v, omega):
+    def send(self, v, omega, vy=0.0):
         pass
 
     stop = close = state = health = lambda self: None
