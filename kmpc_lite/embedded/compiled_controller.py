@@ -87,7 +87,9 @@ class CompiledController:
         self._library.kmpc_reset(ctypes.byref(self._robot))
 
     def set_path(self, poses: ArrayLike) -> None:
-        """Follow a path from its pose nearest to the robot on; without any, drive to the goal.
+        """Follow a path from its pose nearest to the robot on, and stand at its end.
+
+        Without any poses it drives to the goal again.
 
         Parameters
         ----------
@@ -213,10 +215,12 @@ def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
     )
     path = structure(
         "Path",
-        ("count", integer),
-        ("pose", (real * STATES) * PATH),
-        ("begins", real * PATH),
-        ("time", real),
+        *((name, integer) for name in ("count", "cusps", "begun", "turning", "holding")),
+        ("pose", (real * STATES) * (PATH + 2)),
+        ("begins", real * (PATH + 2)),
+        ("cusp", real * PATH),
+        *((name, real) for name in ("step", "braking", "time", "leg")),
+        ("mean_error", real * STATES),
     )
     robot = structure(
         "Robot",

@@ -14,6 +14,7 @@ from kmpc_lite.control.knowledge import motion_model
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
 from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
 from kmpc_lite.control.options import ControllerOptions, fastest
+from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.stop.safe_motion import SafeMotions
@@ -26,6 +27,8 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
+LAST_WEIGHTS = STATES * (STATES + 1) // 2
+"""Entries of P that weigh the last state."""
 MOST_THINGS = 24
 """Circles that a step looks at."""
 NO_LIMIT = 1e30
@@ -81,6 +84,8 @@ def sizes_of(controller: Controller, qp: NavigationQP) -> dict[str, int]:
         "KMPC_ENTRIES": qp.A.nnz,
         "KMPC_WRITTEN": len(qp.numbers.places),
         "KMPC_SLOTS_USED": qp.slots,
+        "KMPC_LAST_WEIGHT": _last_weight(qp),
+        "KMPC_LAST_WEIGHTS": LAST_WEIGHTS,
         "KMPC_SLACK_ROW": int(qp.slack_rows[0]),
         "KMPC_CHANGE_ROW": int(qp.change_rows.ravel()[0]) if qp.change_rows.size else 0,
     }
@@ -130,6 +135,35 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "upper": qp.upper,
         "q": qp.q,
         "next_stage": qp.next_stage,
+        "last_weight": qp.P.data[(first := _last_weight(qp)) : first + LAST_WEIGHTS],
+    } | _along_path(controller)
+
+
+def _last_weight(qp: NavigationQP) -> int:
+    """Where the weights of the last state begin among the entries of P."""
+    return int(qp.P.indptr[STATES * (qp.horizon - 1)])
+
+
+def _along_path(controller: Controller) -> dict[str, Any]:
+    """What the guide knows of the robot."""
+    model, options = controller.known.model, controller.options
+    guidance, margins = options.guidance, controller.known.margins
+    can = capabilities(model, controller.units, margins, guidance, options.goal)
+    limits = can.tolerances
+    both = ("enter", "leave", "pushed")
+    return {
+        "late": can.late,
+        "forward": can.forward,
+        "backward": can.backward,
+        "wheel_arm": can.wheels[0],
+        "wheel_speed": can.wheels[1],
+        "deceleration": can.deceleration,
+        "lead_time": guidance.lead_time,
+        "free_turn": guidance.free_turn,
+        "turn_distance": limits.turn_distance,
+        "turn_limit": limits.turn_limit,
+        **{n: [getattr(limits, f"{n}_{of}") for of in ("distance", "angle")] for n in both},
+        "averaging": limits.averaging,
     }
 
 

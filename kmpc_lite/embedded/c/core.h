@@ -29,6 +29,11 @@ struct kmpc_numbers {
     int places[KMPC_WRITTEN]; /* of the entries that a pass writes */
     real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
     int next_stage[KMPC_ROWS];
+    real last_weight[KMPC_LAST_WEIGHTS]; /* of P: of the last state */
+    /* along a path */
+    int late; /* periods until a command has had half of its effect */
+    real forward[2], backward[2], wheel_arm, wheel_speed, deceleration, lead_time, free_turn;
+    real turn_distance, turn_limit, enter[2], leave[2], pushed[2], averaging;
 };
 
 extern const struct kmpc_numbers kmpc_numbers;
@@ -43,8 +48,15 @@ void kmpc_model_predict(const real *states, const real *window, int count, real 
 void kmpc_model_rollout(const real *here, const real *past, const real *commands, int count,
                         int periods, real *states);
 
-/* path.c: states (N + 1, 3) along the robot's path, from where it is on */
-void kmpc_follow_path(struct kmpc_path *path, const real *here, real *reference);
+/* path.c: what a path asks of a plan, of a robot at a pose that was sent past commands */
+struct kmpc_way {
+    int holds;                         /* whether the robot is to stand: it has arrived */
+    real reference[3 * (KMPC_N + 1)];  /* states to steer for */
+    real clearance[KMPC_N];            /* that the path keeps at stages 1 to N */
+    real share_at_goal;                /* of these stages whose reference is at the goal */
+};
+void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past, int things,
+                      const real *thing, struct kmpc_way *way);
 
 /* solve.c: at most `most` passes, at least `least` */
 real kmpc_clip(real value, real least, real most);
@@ -56,8 +68,8 @@ struct kmpc_result {
     real defect, next_state[3];
     const char *reason;
 };
-void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *reference, int things,
-                const real *thing, int least, int most, struct kmpc_result *result);
+void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmpc_way *way,
+                int things, const real *thing, int least, int most, struct kmpc_result *result);
 void kmpc_duals_in_the_open(real *duals);
 void kmpc_rate_limit(const real *last, real *command);
 

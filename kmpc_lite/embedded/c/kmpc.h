@@ -41,12 +41,18 @@ struct kmpc_plan {
 
 enum { KMPC_PATH = 64 /* poses of a path at most */, KMPC_TERMS = 9 };
 
-/* A path from a host, in metres and radians: straight between its poses, turns on the spot where
- * two lie at one place. */
+/* A path from a host, in the robot's units: straight between its poses, turns on the spot where two
+ * lie at one place, as at either end. */
 struct kmpc_path {
-    int count;
-    real pose[KMPC_PATH][3], begins[KMPC_PATH]; /* time at which each is reached [s] */
-    real time; /* how far along it the robot is [s]; negative before it is looked for */
+    int count, cusps;
+    int begun;   /* whether the following is known */
+    int turning; /* whether the robot is on its last turn on the spot */
+    int holding; /* whether it has arrived */
+    real pose[KMPC_PATH + 2][3], begins[KMPC_PATH + 2]; /* time at which each is reached */
+    real cusp[KMPC_PATH];                               /* when the gear changes */
+    real step, braking;  /* time between places that are looked at; of braking at the end */
+    real time, leg;      /* where the robot is; when its gear has changed last */
+    real mean_error[3];  /* averaged pose less goal since it has arrived */
 };
 
 /* What was learned: numbers that `kmpc export` and its Python twin `model_numbers` work out. */
@@ -82,8 +88,8 @@ void kmpc_reset(struct kmpc *robot);
  * bounds, and the status says what it is worth. */
 void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_plan *plan);
 
-/* Follow a path (count, 3) of poses, from its pose nearest to the robot on; count 0: drive straight
- * to the goal again. Zero, or nonzero if it is refused: too long, or not finite. */
+/* Follow a path (count, 3) of poses [m, m, rad], from its pose nearest to the robot on, and stand at
+ * its end; count 0: drive straight to the goal again. Zero, or nonzero if it is refused: too long, or not finite. */
 int kmpc_set_path(struct kmpc *robot, int count, const real *poses);
 
 /* Predict by another model of the same robot, with as long a memory. Zero, or nonzero if it is

@@ -1,4 +1,5 @@
-/* The way along a path from a host: the reference that a plan follows. */
+/* The way along a path from a host, as the guide in Python drives it: the robot's place on it, its
+ * last turn, when it holds at the goal, and the reference of a plan. */
 #include "core.h"
 
 #include <math.h>
@@ -6,93 +7,212 @@
 
 #define K kmpc_numbers
 
-enum { PARTS = 8 };
-static const real AHEAD = R(2.0); /* time along the path in which the robot is looked for [s] */
-static const real PACE = R(0.8);  /* of the fastest speeds: some is kept to catch up with */
-static const real LEAD = R(0.5);  /* most time by which the reference is ahead of the robot [s] */
-static const real PI = R(3.14159265358979323846);
+static const real PI = R(3.14159265358979323846), ROUNDING = R(1e-9), INSTANT = R(1e-9);
+static const real GRID_STEP = R(0.05), PLACES = R(20000.0); /* time between places, and how many */
+static const real FAR = R(0.05);        /* how much nearer a place must be that lies farther on */
+static const real NEAR_CUSP = R(0.075); /* from a change of gear: the robot goes on */
+static const real AT_GOAL = R(1e-6);    /* distance that rounding leaves to the goal */
+static const real TURN_LENGTH = R(0.5), TURN_CLEARANCE = R(0.6); /* for the whole free turn */
+static const real UNLIMITED = R(1e6);
 
 static real nearest_turn(real angle)
 {
     return 2 * PI * M(rint)(angle / (2 * PI));
 }
 
-/* Time between two poses of a path: the slower of driving and turning. */
-static real time_between(const real *a, const real *b)
+static struct kmpc_timed timed(const struct kmpc_path *path)
 {
-    const real speed = PACE * K.fastest[0] * K.command[0];
-    const real turning = PACE * K.fastest[1] * K.command[1];
-    const real drive = M(hypot)(b[0] - a[0], b[1] - a[1]) / speed;
-    const real turn = M(fabs)(b[2] - a[2]) / turning;
-    return drive > turn ? drive : turn;
+    const struct kmpc_timed out = {
+        path->count,  path->cusps, path->pose[0], path->begins,
+        path->cusp, path->step,  path->braking,
+    };
+    return out;
 }
 
-/* The pose of a path at a time. */
-static void at_time(const struct kmpc_path *path, real time, real *pose)
+/* 1 ahead, -1 backwards, 0 turning on the spot. */
+static int gear_of(const real *a, const real *b)
 {
-    int i = 0;
-    while (i + 2 < path->count && path->begins[i + 1] <= time)
-        i++;
-    if (i + 1 >= path->count) {
-        memcpy(pose, path->pose[i], 3 * sizeof(real));
-        return;
+    const real ahead = (b[0] - a[0]) * M(cos)(a[2]) + (b[1] - a[1]) * M(sin)(a[2]);
+    return ahead > ROUNDING ? 1 : ahead < -ROUNDING ? -1 : 0;
+}
+
+static int is_apart(const real *a, const real *b)
+{
+    return M(hypot)(b[0] - a[0], b[1] - a[1]) > ROUNDING;
+}
+
+/* Distance of a point from the nearest thing at rest. */
+static real nearest_of(const real *point, int things, const real *thing)
+{
+    real least = INFINITY;
+    for (int i = 0; i < things; i++, thing += KMPC_THING) {
+        const real far = M(hypot)(point[0] - thing[0], point[1] - thing[1]) - thing[2];
+        if (thing[3] == 0 && thing[4] == 0 && far < least)
+            least = far;
     }
-    const real whole = path->begins[i + 1] - path->begins[i];
-    const real share = whole > 0 ? kmpc_clip((time - path->begins[i]) / whole, 0, 1) : 1;
-    for (int j = 0; j < 3; j++)
-        pose[j] = path->pose[i][j] + share * (path->pose[i + 1][j] - path->pose[i][j]);
+    return least;
 }
 
-/* How far a robot is from the path's pose at a time; a turn counts as its rim moves. */
-static real distance_at(const struct kmpc_path *path, real time, const real *here)
+/* Part of the first turn that is made while driving. */
+static real free_turn(const struct kmpc_path *path, const real *here, int things, const real *thing)
 {
-    real pose[3];
-    at_time(path, time, pose);
-    const real turn = here[2] - pose[2];
-    return M(hypot)(here[0] - pose[0], here[1] - pose[1]) +
-           KMPC_RADIUS * M(fabs)(turn - nearest_turn(turn));
+    real length = 0, share = 1;
+    for (int i = 1; i + 2 < path->count; i++)
+        length += M(hypot)(path->pose[i + 1][0] - path->pose[i][0],
+                           path->pose[i + 1][1] - path->pose[i][1]);
+    const real around = nearest_of(here, things, thing) - K.distance;
+    const real shares[2] = {length / TURN_LENGTH, (around > 0 ? around : 0) / TURN_CLEARANCE};
+    for (int i = 0; i < 2; i++)
+        share = shares[i] < share ? shares[i] : share;
+    return K.free_turn * share;
 }
 
-/* Go to the nearest place within a stretch of time of both ways. */
-static void find_robot(struct kmpc_path *path, const real *here)
+/* When each pose is reached, where the gear changes, and where the robot is. */
+static void begin(struct kmpc_path *path, const real *here, int things, const real *thing)
 {
-    const real last = path->begins[path->count - 1];
-    int parts = PARTS;
-    real width = AHEAD, best = path->time;
-    if (best < 0) { /* a new path: anywhere on it */
-        best = width = R(0.5) * last;
-        parts = KMPC_PATH;
+    real (*pose)[3] = path->pose;
+    const real first = pose[1][2] - pose[0][2] - nearest_turn(pose[1][2] - pose[0][2]);
+    const real turn = M(fabs)(first), free = free_turn(path, here, things, thing);
+    int reversed = 0, gear = 0;
+    pose[0][2] = pose[1][2] - M(copysign)(turn - (free < turn ? free : turn), first);
+    for (int i = 0; i + 1 < path->count; i++)
+        reversed = reversed || gear_of(pose[i], pose[i + 1]) < 0;
+    const real *speed = reversed ? K.backward : K.forward;
+    path->begins[0] = 0;
+    path->cusps = 0;
+    for (int i = 0; i + 1 < path->count; i++) {
+        const real length = M(hypot)(pose[i + 1][0] - pose[i][0], pose[i + 1][1] - pose[i][1]);
+        const real turned = M(fabs)(pose[i + 1][2] - pose[i][2]);
+        const real needed[3] = {length / speed[0], turned / speed[1],
+                                (length + K.wheel_arm * turned) / K.wheel_speed};
+        const int next = gear_of(pose[i], pose[i + 1]);
+        real most = INSTANT;
+        for (int j = 0; j < 3; j++)
+            most = needed[j] > most ? needed[j] : most;
+        path->begins[i + 1] = path->begins[i] + most;
+        if (next && gear && next != gear)
+            path->cusp[path->cusps++] = path->begins[i];
+        gear = next ? next : gear;
     }
-    real least = distance_at(path, best, here);
-    for (int round = 0; round < 3; round++, width /= (real)parts, parts = PARTS) {
-        const real middle = best;
-        for (int i = -parts; i <= parts; i++) {
-            const real time = kmpc_clip(middle + width * (real)i / (real)parts, 0, last);
-            const real distance = distance_at(path, time, here);
-            if (distance < least) {
-                least = distance;
-                best = time;
-            }
+    const real duration = path->begins[path->count - 1];
+    path->step = duration / PLACES > GRID_STEP ? duration / PLACES : GRID_STEP;
+    path->braking = speed[0] / K.deceleration;
+    path->begun = 1;
+    /* it may have been given to a robot that is on it already */
+    const struct kmpc_timed way = timed(path);
+    real least = INFINITY, found[2];
+    for (real from = 0; from <= duration; from += 1) {
+        kmpc_locate(&way, here, from, 0, found);
+        if (found[1] < least - (from > 0 ? FAR : 0)) {
+            least = found[1];
+            path->time = found[0];
         }
     }
-    path->time = best;
 }
 
-void kmpc_follow_path(struct kmpc_path *path, const real *here, real *reference)
+/* Go on to the next leg where the robot has come to a change of gear. */
+static void change_gear(struct kmpc_path *path, const struct kmpc_timed *way, const real *here)
 {
-    const real before = path->time + KMPC_DT, last = path->begins[path->count - 1];
-    real first[3];
-    find_robot(path, here);
-    /* one that stands is led on, or a short horizon would leave it where it is */
-    const real ahead = path->time + LEAD < last ? path->time + LEAD : last;
-    if (before > path->time)
-        path->time = before < ahead ? before : ahead;
-    at_time(path, path->time, first);
-    const real turns = nearest_turn(here[2] - first[2]);
+    const real end = kmpc_leg_end(way, path->leg);
+    real from[3], cusp[3];
+    if (!(end < INFINITY))
+        return;
+    kmpc_pose_at(way, path->leg, from);
+    kmpc_pose_at(way, end, cusp);
+    const real far = M(hypot)(from[0] - here[0], from[1] - here[1]);
+    if (M(hypot)(cusp[0] - here[0], cusp[1] - here[1]) <= (far < NEAR_CUSP ? far : NEAR_CUSP))
+        path->leg = path->time = end;
+}
+
+/* How far a robot that brakes now is led. */
+static void braked(const real *here, const real *last, real *led)
+{
+    real moved[2];
+    for (int i = 0; i < 2; i++) {
+        const real step = K.change[i] < UNLIMITED ? K.change[i] : UNLIMITED;
+        const real periods = M(floor)(M(fabs)(last[i]) / step);
+        moved[i] = K.dt * periods * (last[i] - R(0.5) * M(copysign)(step, last[i]) * (periods + 1));
+    }
+    const real heading = here[2] + R(0.5) * moved[1];
+    led[0] = moved[0] * M(cos)(heading);
+    led[1] = moved[0] * M(sin)(heading);
+    led[2] = moved[1];
+}
+
+static int is_within(const real *error, const real *tolerance)
+{
+    return M(hypot)(error[0], error[1]) <= tolerance[0] && M(fabs)(error[2]) <= tolerance[1];
+}
+
+/* Whether the robot has arrived, and is not pushed out of its tolerances again. */
+static int holds(struct kmpc_path *path, const real *error, const real *rest)
+{
+    if (path->holding) {
+        for (int i = 0; i < 3; i++)
+            path->mean_error[i] += K.averaging * (error[i] - path->mean_error[i]);
+        path->holding = is_within(error, K.pushed) && is_within(path->mean_error, K.leave);
+    } else if (is_within(error, K.enter) && is_within(rest, K.enter)) {
+        path->holding = 1;
+        memcpy(path->mean_error, error, 3 * sizeof(real));
+    }
+    return path->holding;
+}
+
+/* The last turn begins where the robot comes to a stop, and is given up where it has left. */
+static void begin_last_turn(struct kmpc_path *path, const real *error, const real *rest)
+{
+    const real far = M(hypot)(error[0], error[1]), at_rest = M(hypot)(rest[0], rest[1]);
+    if (path->turning)
+        path->turning = far <= K.turn_limit;
+    else
+        path->turning = (far > at_rest ? far : at_rest) <= K.turn_distance;
+}
+
+void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past, int things,
+                      const real *thing, struct kmpc_way *way)
+{
+    static real led[3 * (KMPC_L + 1)], states[3 * (KMPC_N + 1)], later[KMPC_N + 1];
+    real error[3], rest[3], found[2];
+    kmpc_model_rollout(pose, past, NULL, 0, K.late, led);
+    const real *here = led + 3 * K.late, *goal = path->pose[path->count - 1];
+    for (int i = 0; i < 3; i++)
+        error[i] = here[i] - goal[i];
+    error[2] -= nearest_turn(error[2]);
+    memset(rest, 0, sizeof(rest));
+    if (K.limits_changes)
+        braked(here, past + 2 * (KMPC_PAST - 1), rest);
+    for (int i = 0; i < 3; i++)
+        rest[i] += error[i];
+    begin_last_turn(path, error, rest);
+    const int is_new = !path->begun;
+    if (is_new)
+        begin(path, here, things, thing);
+    const struct kmpc_timed on = timed(path);
+    const real drive_end = path->begins[path->count - 2];
+    if (!is_new) {
+        kmpc_locate(&on, here, path->time, path->turning ? drive_end : path->leg, found);
+        path->time = found[0];
+        change_gear(path, &on, here);
+    }
+    if (path->turning ? path->time < drive_end : path->time > drive_end)
+        path->time = drive_end;
+    way->holds = holds(path, error, rest);
+    for (int k = 0; k <= KMPC_N; k++)
+        later[k] = K.lead_time + K.dt * (real)k;
+    kmpc_along_path(&on, KMPC_N + 1, later, path->time, path->leg, here[2], path->turning, states);
+    int arrived = 0;
+    for (int k = 1; k <= KMPC_N; k++)
+        arrived += M(fabs)(states[3 * k] - goal[0]) <= AT_GOAL &&
+                   M(fabs)(states[3 * k + 1] - goal[1]) <= AT_GOAL;
+    way->share_at_goal = (real)arrived / KMPC_N;
+    const real at_goal = nearest_of(goal, things, thing) - K.distance;
     for (int k = 0; k <= KMPC_N; k++) {
-        real *row = reference + 3 * k;
-        at_time(path, path->time + KMPC_DT * (real)k, row);
-        row[2] += turns;
+        real *row = way->reference + 3 * k;
+        memcpy(row, k < K.late ? led + 3 * k : states + 3 * (k - K.late), 3 * sizeof(real));
+        const real around = nearest_of(row, things, thing) - K.distance;
+        const real least = at_goal > 0 ? at_goal : 0;
+        if (k)
+            way->clearance[k - 1] = around > least ? around : least;
     }
 }
 
@@ -105,14 +225,16 @@ int kmpc_set_path(struct kmpc *robot, int count, const real *poses)
         if (!(M(fabs)(poses[i]) <= R(1e4))) /* also NaN */
             return 1;
     memset(path, 0, sizeof(*path));
-    path->count = count;
-    path->time = -1;
     for (int k = 0; k < count; k++) {
-        real *pose = path->pose[k];
-        memcpy(pose, poses + 3 * k, 3 * sizeof(real));
-        if (k) {
-            pose[2] -= nearest_turn(pose[2] - path->pose[k - 1][2]);
-            path->begins[k] = path->begins[k - 1] + time_between(path->pose[k - 1], pose);
+        /* a turn on the spot at either end, be it none */
+        const int begins = !k && (count < 2 || is_apart(poses, poses + 3));
+        const int ends = k == count - 1 && (count < 3 || is_apart(poses + 3 * k - 3, poses + 3 * k));
+        for (int copies = 1 + begins + ends; copies; copies--) {
+            real *pose = path->pose[path->count++];
+            for (int i = 0; i < 3; i++)
+                pose[i] = poses[3 * k + i] / K.state[i];
+            if (k)
+                pose[2] -= nearest_turn(pose[2] - path->pose[path->count - 2][2]);
         }
     }
     return 0;

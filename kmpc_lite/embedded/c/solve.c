@@ -13,6 +13,7 @@
 static const real LARGEST = R(1e10), INFINITE = R(1e20), LEAST_SHARE = R(0.1);
 
 static int rho_is_adapted;
+static real last_share = 1; /* of the terminal weight, that the solver has */
 static real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
 
 void kmpc_duals_in_the_open(real *duals)
@@ -62,14 +63,29 @@ static const char *fault(void)
     return NULL;
 }
 
+/* Let a share of the terminal weight count. */
+static int weigh_last(real share)
+{
+    OSQPFloat weights[KMPC_LAST_WEIGHTS];
+    OSQPInt places[KMPC_LAST_WEIGHTS];
+    if (share == last_share)
+        return 0;
+    for (int i = 0; i < KMPC_LAST_WEIGHTS; i++) {
+        weights[i] = share * K.last_weight[i];
+        places[i] = KMPC_LAST_WEIGHT + i;
+    }
+    last_share = share;
+    return osqp_update_data_mat(&kmpc_solver, weights, places, KMPC_LAST_WEIGHTS, NULL, NULL, 0);
+}
+
 /* One pass from an iterate: what its QP finds; the reason if it failed, null else. */
 static const char *pass(const struct kmpc_iterate *at, const real *window, const real *last,
-                        const real *reference, int things, const real *thing,
+                        const struct kmpc_way *way, int things, const real *thing,
                         struct kmpc_iterate *found, int *early)
 {
     static real value[3 * KMPC_N], by_x[9 * KMPC_N], by_u[6 * KMPC_N];
     static real by_past[6 * KMPC_N * (KMPC_L > 0 ? KMPC_L : 1)];
-    static real points[2 * KMPC_N], path[KMPC_N], start[KMPC_VARIABLES], duals[KMPC_ROWS];
+    static real points[2 * KMPC_N], pull_terminal[9], start[KMPC_VARIABLES], duals[KMPC_ROWS];
     static real room[KMPC_N * (4 * KMPC_MOST + 3 * KMPC_SLOTS_USED) + 3 * (KMPC_N + 1)];
     const struct kmpc_layout size = {KMPC_N, 2, KMPC_L, KMPC_SLOTS_USED, 2, K.half_plane_scale,
                                      K.open};
@@ -81,25 +97,25 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         {2, L.delay, L.white, L.lasts ? L.lasting : NULL, L.pose,
          L.by_speed ? L.pose_by_speed : NULL, L.quantile, L.headway_time, K.distance, 0,
          L.solver_margin, L.spreads},
-        at->inputs[0], path, L.widest, L.far_clearance, L.side_margin,
+        at->inputs[0], way->clearance, L.widest, L.far_clearance, L.side_margin,
     };
     const struct kmpc_pass plan = {
-        at->states[0], at->inputs[0], reference, value, by_x, by_u, by_past, K.pull, K.pull_terminal,
+        at->states[0], at->inputs[0], way->reference, value, by_x, by_u, by_past, K.pull, pull_terminal,
     };
     const struct kmpc_qp qp = {K.places, entries, lower, upper, lower + 3 * KMPC_N, q, start};
     const int inputs = 3 * KMPC_N;
     const real *origin = at->states[0];
     kmpc_model_linearize(at->states[0], window, KMPC_N, value, by_x, by_u, by_past);
-    for (int k = 0; k < KMPC_N; k++) {
+    for (int k = 0; k < KMPC_N; k++)
         memcpy(points + 2 * k, at->states[k + 1], 2 * sizeof(real));
-        path[k] = INFINITE;
-    }
+    for (int i = 0; i < 9; i++)
+        pull_terminal[i] = way->share_at_goal * K.pull_terminal[i];
     kmpc_fill(&size, &keep, L.tightens ? &margins : NULL, &plan, &qp, room);
     memcpy(duals, at->duals, sizeof(duals));
     const char *wrong = fault();
     if (wrong)
         return wrong;
-    if (osqp_update_data_vec(&kmpc_solver, q, lower, upper) ||
+    if (weigh_last(way->share_at_goal) || osqp_update_data_vec(&kmpc_solver, q, lower, upper) ||
         osqp_update_data_mat(&kmpc_solver, NULL, NULL, 0, entries, NULL, KMPC_ENTRIES))
         return "OSQP refused the data";
     osqp_warm_start(&kmpc_solver, start, duals);
@@ -166,8 +182,8 @@ static real go(struct kmpc_iterate *at, struct kmpc_iterate *found, real *window
     return step;
 }
 
-void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *reference, int things,
-                const real *thing, int least, int most, struct kmpc_result *result)
+void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmpc_way *way,
+                int things, const real *thing, int least, int most, struct kmpc_result *result)
 {
     static struct kmpc_iterate found;
     real window[2 * (KMPC_L + KMPC_N)], share = 1, step = INFINITE;
@@ -201,7 +217,7 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *refe
     for (;;) {
         const real before = step;
         const char *wrong =
-            pass(iterate, window, last, reference, things, thing, &found, &result->early);
+            pass(iterate, window, last, way, things, thing, &found, &result->early);
         result->passes++;
         result->reason = result->early ? "maximum iterations reached" : "";
         if (wrong) {

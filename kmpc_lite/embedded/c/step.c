@@ -78,18 +78,9 @@ static void take_in(const struct kmpc_input *input, struct seen *seen)
         seen->goal[2] -= nearest_turn(seen->goal[2]);
 }
 
-/* The path, or the goal as the reference; near a half turn the side of the step before is kept. */
-static void reference_of(struct kmpc *robot, const struct seen *seen, real *reference)
+/* The goal as the reference; near a half turn the side of the step before is kept. */
+static void towards_goal(struct kmpc *robot, const struct seen *seen, struct kmpc_way *way)
 {
-    if (robot->path.count) {
-        real here[3];
-        for (int i = 0; i < 3; i++)
-            here[i] = seen->pose[i] * K.state[i];
-        kmpc_follow_path(&robot->path, here, reference);
-        for (int i = 0; i < 3 * (KMPC_N + 1); i++)
-            reference[i] /= K.state[i % 3];
-        return;
-    }
     real turn = seen->goal[2] - seen->pose[2];
     turn -= nearest_turn(turn);
     if (M(fabs)(turn) > R(0.75) * PI && turn * robot->turn < 0 &&
@@ -97,10 +88,14 @@ static void reference_of(struct kmpc *robot, const struct seen *seen, real *refe
         turn -= M(copysign)(2 * PI, turn);
     robot->turn = turn;
     for (int k = 0; k <= KMPC_N; k++) {
-        reference[3 * k] = seen->goal[0];
-        reference[3 * k + 1] = seen->goal[1];
-        reference[3 * k + 2] = seen->pose[2] + turn;
+        way->reference[3 * k] = seen->goal[0];
+        way->reference[3 * k + 1] = seen->goal[1];
+        way->reference[3 * k + 2] = seen->pose[2] + turn;
     }
+    for (int k = 0; k < KMPC_N; k++)
+        way->clearance[k] = R(1e20);
+    way->share_at_goal = 1;
+    way->holds = 0;
 }
 
 /* The last plan one period later, if the robot is where that put it; whether it is. */
@@ -273,12 +268,45 @@ static int verify(const struct kmpc *robot, const struct seen *seen, struct kmpc
     return 1;
 }
 
+/* What the next step starts from. */
+static void keep(struct kmpc *robot, const struct kmpc_iterate *found)
+{
+    robot->planned = 1;
+    memcpy(robot->states, found->states, sizeof(found->states));
+    memcpy(robot->inputs, found->inputs, sizeof(found->inputs));
+    memcpy(robot->duals, found->duals, sizeof(found->duals));
+}
+
+/* Stand at the end of the path. */
+static void hold(struct kmpc *robot, const struct seen *seen, struct kmpc_plan *plan)
+{
+    static struct kmpc_iterate still;
+    memset(&still, 0, sizeof(still));
+    if (K.limits_changes)
+        kmpc_rate_limit(robot->past[KMPC_PAST - 1], still.inputs[0]);
+    kmpc_duals_in_the_open(still.duals);
+    for (int k = 0; k <= KMPC_N; k++)
+        memcpy(still.states[k], seen->pose, sizeof(still.states[k]));
+    if (still.inputs[0][0] != 0 || still.inputs[0][1] != 0) /* it still brakes */
+        kmpc_model_rollout(seen->pose, robot->past[0], still.inputs[0], KMPC_N, KMPC_N,
+                           still.states[0]);
+    keep(robot, &still);
+    robot->resting = kmpc_braking(still.inputs[0], robot->rest[0]);
+    memcpy(robot->expected, still.states[1], 3 * sizeof(real));
+    robot->expects = 1;
+    remember(robot, still.inputs[0]);
+    plan->status = KMPC_SOLVED;
+    plan->passes = 0;
+    plan->reason = "";
+    answer(seen, still.states[0], still.inputs[0], plan);
+}
+
 void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_plan *plan)
 {
     static struct seen seen;
     static struct kmpc_iterate found;
     static struct kmpc_motion_to_rest motion;
-    static real reference[3 * (KMPC_N + 1)];
+    static struct kmpc_way way;
     struct kmpc_result result;
     take_in(input, &seen);
     if (input->sent && plausible(input->sent, 2))
@@ -288,24 +316,26 @@ void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_p
         stop(robot, &seen, seen.refusal, 0, plan);
         return;
     }
-    reference_of(robot, &seen, reference);
+    if (robot->path.count)
+        kmpc_follow_path(&robot->path, seen.pose, robot->past[0], seen.things, seen.thing, &way);
+    else
+        towards_goal(robot, &seen, &way);
+    if (way.holds) {
+        hold(robot, &seen, plan);
+        return;
+    }
     int least = 1, most = K.most_passes;
     if (input->passes > 0 && input->passes < most)
         most = input->passes;
     if (!one_period_later(robot, seen.pose, &found)) {
-        along(reference, seen.pose, &found);
+        along(way.reference, seen.pose, &found);
         least = most > 1 ? 2 : 1;
     }
-    kmpc_solve(&found, robot->past[0], reference, seen.things, seen.thing, least, most, &result);
+    kmpc_solve(&found, robot->past[0], &way, seen.things, seen.thing, least, most, &result);
     const int good = verify(robot, &seen, &found, &result, &motion);
-    if (!result.failed) {
-        robot->planned = 1;
-        memcpy(robot->states, found.states, sizeof(found.states));
-        memcpy(robot->inputs, found.inputs, sizeof(found.inputs));
-        memcpy(robot->duals, found.duals, sizeof(found.duals));
-    } else {
-        robot->planned = 0;
-    }
+    robot->planned = 0;
+    if (!result.failed)
+        keep(robot, &found);
     if (!good) {
         stop(robot, &seen, result.reason, result.passes, plan);
         return;

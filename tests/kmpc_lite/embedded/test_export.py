@@ -180,6 +180,61 @@ def test_a_path_is_followed_past_circles(tmp_path):
     assert robot.step((0, 0, 0), (-1, 0, 0), ()).command[0] < 0.0  # the goal again
 
 
+class Given:
+    """Plans one path, whatever is asked; how often it was."""
+
+    def __init__(self, poses: Any) -> None:
+        self.poses, self.asked = np.array(poses, dtype=float), 0
+
+    def begin(self, request: kl.PathRequest) -> None:
+        self.asked += 1
+
+    def advance(self, quanta: int) -> int:
+        return 0
+
+    def path(self) -> kl.Path:
+        return kl.Path(self.poses, clearance=np.inf)
+
+
+WAYS = {
+    "past circles": [(0, 0, 0), (0, 0, 0.6), (0.9, 0.6, 0.6), (0.9, 0.6, -0.3), (2.2, 0.2, -0.3)],
+    "with a change of gear": [(0, 0, 0), (1.2, 0.0, 0), (0.4, 0.0, 0)],
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("case", CASES)
+def test_a_path_is_driven_as_the_guide_drives_it(case, way, tmp_path):
+    """To where it holds: place, gears, last turn, margins, weights of the goal, tolerances."""
+    model, given = CASES[case]
+    weights = {"Q": (1.0, 1.0, 0.3), "R": (0.1, 0.1), "Q_terminal": (8.0, 8.0, 2.0)}
+    problem = kl.NavigationProblem(dt=model.dt, **(weights | given))
+    size = problem.robot_radius / 0.15
+    poses = np.array(WAYS[way]) * (size, size, 1.0)
+    planner = Given(poses)
+    # the host looks for another path if the robot strays, not the robot
+    guidance, alone = kl.GuidanceOptions(replan_interval=1e3), {"adaptation": False}
+    python = kl.Controller(model, problem, guidance=guidance, planner=planner, **alone)
+    exported = kl.CompiledController(kl.export(model, problem, tmp_path / "c"))
+    exported.set_path(poses)
+    rows = [(0.4, 0.9, 0.2), (1.2, -0.35, 0.2), (1.9, 0.9, 0.25)]
+    circles = np.pad(size * np.array(rows), ((0, 0), (0, 2)))
+    pose, past = poses[0], np.zeros((model.history, 2))
+    for k in range(250):
+        theirs, ours = (
+            python.step(pose, poses[-1], circles),
+            exported.step(pose, poses[-1], circles),
+        )
+        assert ours.status is theirs.status, (k, ours.reason, theirs.reason)
+        if theirs.holding or planner.asked > 1:  # it does not get nearer, and asks for another path
+            break
+        np.testing.assert_allclose(ours.command, theirs.command, rtol=0, atol=1e-7, err_msg=str(k))
+        pose = model.predict(pose, theirs.command, past)
+        past = np.concatenate([past, theirs.command[None]])[1:] if len(past) else past
+    assert theirs.holding or np.hypot(*(pose - poses[-1])[:2]) < 0.05 * size
+    assert k > 30
+
+
 def test_the_sources_alone_make_a_library(tmp_path):
     """As build systems of microcontrollers take it: all of src/, no flags; also from C++."""
     folder = kl.export(kl.nominal_unicycle(0.1), kl.NavigationProblem(horizon=5), tmp_path / "lib")

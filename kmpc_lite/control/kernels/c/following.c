@@ -23,7 +23,7 @@ static real nearest_turn(real angle)
 }
 
 /* The pose at a time; the ends are held. */
-static void pose_at(const struct kmpc_timed *path, real time, real *pose)
+void kmpc_pose_at(const struct kmpc_timed *path, real time, real *pose)
 {
     int low = 0, high = path->poses - 1;
     if (!(time > path->time[low]) || time >= path->time[high]) {
@@ -45,7 +45,7 @@ static void pose_at(const struct kmpc_timed *path, real time, real *pose)
     pose[2] = (b[2] - a[2]) / whole * late + a[2];
 }
 
-static real leg_end(const struct kmpc_timed *path, real begin)
+real kmpc_leg_end(const struct kmpc_timed *path, real begin)
 {
     for (int i = 0; i < path->cusps; i++)
         if (path->cusp[i] > begin)
@@ -57,15 +57,15 @@ void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, re
                  real *found)
 {
     const real last = most_of(place, least), duration = path->time[path->poses - 1];
-    const real from = most_of(place - BACK, least), to = least_of(last + AHEAD, leg_end(path, least));
+    const real from = most_of(place - BACK, least), to = least_of(last + AHEAD, kmpc_leg_end(path, least));
     const long begin = (long)(from / path->step) + (path->cusps > 0);
     const long end = (long)(to / path->step) + 2;
     real at[3], best = INFINITY;
-    pose_at(path, least_of((real)(long)(last / path->step) * path->step, duration), at);
+    kmpc_pose_at(path, least_of((real)(long)(last / path->step) * path->step, duration), at);
     const real heading = pose[2] - nearest_turn(pose[2] - at[2]);
     for (long i = begin; i == begin || i < end; i++) {
         const real time = least_of(path->step * (real)i, duration);
-        pose_at(path, time, at);
+        kmpc_pose_at(path, time, at);
         const real x = at[0] - pose[0], y = at[1] - pose[1];
         const real turn = TURN_LENGTH * (at[2] - heading), square = x * x + y * y + turn * turn;
         if (square < best || i == begin) {
@@ -94,15 +94,15 @@ static real time_after(const struct kmpc_timed *path, real place, real later)
 void kmpc_along_path(const struct kmpc_timed *path, int count, const real *later, real place,
                      real leg, real heading, int turning, real *states)
 {
-    const real drive_end = path->time[path->poses - 2], leg_ends = leg_end(path, leg);
+    const real drive_end = path->time[path->poses - 2], leg_ends = kmpc_leg_end(path, leg);
     real here[3];
-    pose_at(path, place, here);
+    kmpc_pose_at(path, place, here);
     const real turns = nearest_turn(heading - here[2]);
     for (int k = 0; k < count; k++, states += 3) {
         real time = turning ? place + later[k] : time_after(path, place, later[k]);
         if (!turning && place > drive_end - GOAL_STRETCH)
             time = least_of(time, drive_end);
-        pose_at(path, least_of(time, leg_ends), states);
+        kmpc_pose_at(path, least_of(time, leg_ends), states);
         states[2] += turns;
     }
 }
