@@ -10,6 +10,7 @@ from firmware_bridge.robot_file import Robot
 
 if TYPE_CHECKING:
     from kmpc_lab.emulator.board import BoardEmulator
+    from kmpc_lab.emulator.rover.physics import RoverPhysics
     from kmpc_lab.emulator.rover.telemetry import Around
     from kmpc_lab.sim.twin import Twin
 
@@ -69,13 +70,18 @@ def build_emulator(
     if robot.is_autopilot:
         from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
 
-        physics = None
+        physics: RoverPhysics | None = None
+        system = robot.sections.get("board", {}).get("system", 1)
+        parameters = dict(MOTION_CAPTURE) if robot.link.pose is not None else {}
         if twin is not None:
             from kmpc_lab.emulator.twin import TwinRover
 
             physics = TwinRover(twin)
-        system = robot.sections.get("board", {}).get("system", 1)
-        parameters = MOTION_CAPTURE if robot.link.pose is not None else None
+        elif robot.wheels.kind == "car":
+            from kmpc_lab.emulator.rover.steered import SteeredRover, tuned
+
+            physics = SteeredRover(robot.wheels.radius, **floor)
+            parameters |= tuned(robot.wheels.radius)
         rover: Emulator = kind(
             **floor,
             pose=start,

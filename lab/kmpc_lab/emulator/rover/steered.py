@@ -8,6 +8,18 @@ from kmpc_lab.emulator.rover.physics import DriveLimits, RoverPhysics, within
 
 LOCK = math.radians(35.0)
 """Steering angle at which it drives its tightest circle: SITL's own rover."""
+SLOWEST = 0.1
+"""From this speed on it steers in inverse proportion to its speed, if it is tuned [m/s]."""
+
+
+def tuned(turning_radius: float) -> dict[str, float]:
+    """Parameters with which turn rates are what was asked, as docs/howto/boards.md says."""
+    ahead = turning_radius / SLOWEST
+    return {
+        "MOT_SPD_SCA_BASE": SLOWEST,
+        "ATC_STR_RAT_FF": ahead,
+        "ATC_STR_RAT_P": 0.2 * ahead,
+    }
 
 
 class SteeredRover(RoverPhysics):
