@@ -2,6 +2,9 @@
 
     python3 kmpc_node.py --ros-args -p model:=robot.npz -p radius:=0.2 -p v_max:=0.3
 
+A car is given its `turning_radius`, and its `wheelbase` if it obeys AckermannDriveStamped instead
+of Twist (rename the topic with -r cmd_vel:=drive); an omni `omni`.
+
 It has no safety gate, no TF and no map, which `kmpc ros2` has: goals are in the frame of the
 odometry, and the robot's base must stop by itself when no command comes.
 """
@@ -20,6 +23,11 @@ import kmpc_lite as kl
 UNKNOWN = (math.nan, math.nan, math.nan)  # of an unknown pose the controller makes a stop
 
 
+def nominal(wheels):
+    """Model of a robot that no log is learned of."""
+    return kl.nominal_omni(0.1) if wheels.inputs == 3 else kl.nominal_unicycle(0.1)
+
+
 def planar(pose):
     """Position and heading (x, y, theta) of a geometry_msgs/Pose."""
     q = pose.orientation
@@ -32,12 +40,17 @@ class KmpcNode(Node):
     def __init__(self):
         super().__init__("kmpc")
         path, v, omega = self.ask("model", ""), self.ask("v_max", 0.3), self.ask("omega_max", 0.8)
-        model = kl.KoopmanModel.load(path) if path else kl.nominal_unicycle(0.1)
+        turning, self.wheelbase = self.ask("turning_radius", 0.0), self.ask("wheelbase", 0.0)
+        wheels = kl.Omni() if self.ask("omni", False) else kl.Differential()
+        wheels = kl.Car(turning) if turning else wheels
+        model = kl.KoopmanModel.load(path) if path else nominal(wheels)
+        fastest = (v, v, omega) if wheels.inputs == 3 else (v, omega)
         problem = kl.NavigationProblem(
             dt=model.dt,
-            u_min=(-v, -omega),
-            u_max=(v, omega),
+            u_min=[-speed for speed in fastest],
+            u_max=fastest,
             robot_radius=self.ask("radius", 0.2),
+            wheels=wheels,
         )
         self.controller = kl.Controller(model, problem)
         self.mount = self.ask("scanner", [0.0, 0.0, 0.0])  # x, y, heading on the robot
@@ -46,7 +59,13 @@ class KmpcNode(Node):
         for kind, topic in ((Odometry, "odom"), (LaserScan, "scan"), (PoseStamped, "goal_pose")):
             quality = qos_profile_sensor_data if kind is LaserScan else 10
             self.create_subscription(kind, topic, self.take, quality)
-        self.commands = self.create_publisher(Twist, "cmd_vel", 10)
+        self.kind = Twist
+        if self.wheelbase:  # apt install ros-jazzy-ackermann-msgs
+            from ackermann_msgs.msg import AckermannDriveStamped
+
+            self.kind = AckermannDriveStamped
+        self.angle = 0.0  # of the front wheels, which stay as they are while the car stands
+        self.commands = self.create_publisher(self.kind, "cmd_vel", 10)
         self.create_timer(model.dt, self.step)
 
     def ask(self, name, default):
@@ -79,11 +98,21 @@ class KmpcNode(Node):
             age = max(0.0, ages[1] - ages[0])  # when the scan was made, the robot stood elsewhere
             seen = [kl.LaserScan(scan.ranges, *angles, mount=self.mount, age=age)]
         plan = self.controller.step(pose, planar(goal.pose), seen)
-        command = Twist()
-        command.linear.x, command.angular.z = map(float, plan.command)
-        self.commands.publish(command)
+        self.commands.publish(self.message(*map(float, plan.command)))
         if plan.reason:
             self.get_logger().info(plan.reason, throttle_duration_sec=2.0)
+
+    def message(self, v, *rest):
+        """Command of the wheels that this robot has: v and omega, or v_x, v_y and omega."""
+        command = self.kind()
+        if self.wheelbase:
+            self.angle = math.atan(self.wheelbase * rest[0] / v) if v else self.angle
+            command.header.stamp = self.get_clock().now().to_msg()
+            command.drive.speed, command.drive.steering_angle = v, self.angle
+            return command
+        command.linear.x, command.angular.z = v, rest[-1]
+        command.linear.y = rest[0] if len(rest) > 1 else 0.0
+        return command
 
 
 def main():

@@ -13,10 +13,13 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from kmpc_lite.learn.formats.ackermann import FIELDS
 
 BASE = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
 MODULES = {
+    "ackermann_msgs.msg": ("AckermannDriveStamped",),
     "geometry_msgs.msg": ("PoseStamped", "Twist"),
     "nav_msgs.msg": ("Odometry",),
     "sensor_msgs.msg": ("LaserScan",),
@@ -28,6 +31,8 @@ class Messages:
 
     def __init__(self, distribution: str) -> None:
         self.store = get_typestore(Stores(f"ros2_{distribution}"))
+        for name, text in FIELDS.items():
+            self.store.register(get_types_from_msg(text, name))
 
     def make(self, name: str) -> Any:
         """Make an empty message."""
@@ -101,7 +106,10 @@ class Node:
         self.network.timer = (period, callback)
 
     def get_clock(self) -> SimpleNamespace:
-        now = SimpleNamespace(nanoseconds=round(1e9 * self.network.now))
+        stamp = self.network.messages.make("builtin_interfaces/msg/Time")
+        stamp.sec = int(self.network.now)
+        nanoseconds = round(1e9 * self.network.now)
+        now = SimpleNamespace(nanoseconds=nanoseconds, to_msg=lambda: stamp)
         return SimpleNamespace(now=lambda: now)
 
     def get_logger(self) -> SimpleNamespace:

@@ -27,10 +27,13 @@ RADIUS = 0.2
 class Robot:
     """The node, and a robot that obeys it at once and sees one circle."""
 
+    wheelbase = 0.0
+    """Of a car that is steered by AckermannDriveStamped [m]."""
+
     def __init__(self, network: Network) -> None:
         self.network, self.pose = network, np.zeros(3)
         self.world, self.lidar = World(np.array([(*CIRCLE, 0.0, 0.0)]), []), LidarSpec(4.0)
-        self.random, self.model = np.random.default_rng(1), kl.nominal_unicycle(0.1)
+        self.random, self.model = np.random.default_rng(1), kl.nominal_omni(0.1)
         self.nearest = math.inf
 
     def sense(self, age: float = 0.0) -> None:
@@ -51,7 +54,11 @@ class Robot:
         period, step = self.network.timer
         step()
         topic, message = self.network.published[-1]
-        command = np.array([message.linear.x, message.angular.z])
+        if self.wheelbase:
+            v, angle = message.drive.speed, message.drive.steering_angle
+            command = np.array([v, 0.0, v * math.tan(angle) / self.wheelbase])
+        else:
+            command = np.array([message.linear.x, message.linear.y, message.angular.z])
         self.pose = self.model.predict(self.pose, command)
         self.network.now += period
         away = math.dist(self.pose[:2], CIRCLE[:2]) - CIRCLE[2] - RADIUS
@@ -60,8 +67,10 @@ class Robot:
         return command
 
 
-def started(monkeypatch: pytest.MonkeyPatch, distribution: str = "jazzy") -> Robot:
-    network = Network(distribution, {"radius": RADIUS, "v_max": 0.5})
+def started(
+    monkeypatch: pytest.MonkeyPatch, distribution: str = "jazzy", **parameters: Any
+) -> Robot:
+    network = Network(distribution, {"radius": RADIUS, "v_max": 0.5, **parameters})
     network.install(monkeypatch)
     runpy.run_path(str(FOLDER / "kmpc_node.py"))["KmpcNode"]()
     network.now = 100.0
@@ -85,6 +94,28 @@ def test_it_drives_to_a_goal_past_what_its_scan_shows(
         command = robot.turn_timer()
     assert math.dist(robot.pose[:2], (1.5, 0.8)) < 0.05 and not command.any()
     assert robot.nearest > 0.0
+
+
+def test_a_car_is_steered_within_its_turning_radius(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = started(monkeypatch, turning_radius=0.5, wheelbase=0.3)
+    robot.wheelbase = 0.3
+    send_goal(robot)
+    for _ in range(250):
+        robot.sense()
+        v, _, omega = robot.turn_timer()
+        assert abs(omega) <= abs(v) / 0.5 + 1e-6
+    assert math.dist(robot.pose[:2], (1.5, 0.8)) < 0.05 and robot.nearest > 0.0
+
+
+def test_an_omni_drives_sideways(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = started(monkeypatch, omni=True)
+    send_goal(robot)
+    sideways = 0.0
+    for _ in range(150):
+        robot.sense()
+        sideways = max(sideways, abs(robot.turn_timer()[1]))
+    assert math.dist(robot.pose[:2], (1.5, 0.8)) < 0.05 and robot.nearest > 0.0
+    assert sideways > 0.1
 
 
 def test_it_brakes_when_messages_stop(monkeypatch: pytest.MonkeyPatch) -> None:
