@@ -132,11 +132,12 @@ def run(options: argparse.Namespace) -> int:
     from firmware_bridge.ros2.navigator import GoalNavigator
     from firmware_bridge.ros2.node import ROUTER
 
-    emulated = None
+    robot, emulated = _robot(options), None
     if options.emulate is not None:
-        emulated = part("--emulate", "emulated_topics")(options)
-    node, robot = node_options(options, options.name, ROUTER), _robot(options)
-    listened = _ros2_options(options, node.root)
+        emulated = part("--emulate", "emulated_topics")(options, robot.wheels)
+        robot = _robot(options)
+    node = node_options(options, options.name, ROUTER)
+    listened = _ros2_options(options, node.root, robot)
     try:
         drawn = None if emulated is None else emulated.footprint
         robot, controller, notes = _controller(robot, options.radius, drawn)
@@ -171,6 +172,7 @@ def run(options: argparse.Namespace) -> int:
 def _robot(options: argparse.Namespace) -> Robot:
     """The robot file under the options; its link is the network."""
     overrides = overrides_of(options)
+    overrides.setdefault("robot", {})["wheels"] = getattr(options, "wheels", None)
     overrides["link"] = {
         "url": ", ".join(options.connect or ("zenoh",)),
         "driver": TOPICS,
@@ -186,7 +188,7 @@ def _robot(options: argparse.Namespace) -> Robot:
     return replace(robot, gate=gate)
 
 
-def _ros2_options(options: argparse.Namespace, namespace: str) -> Ros2Options:
+def _ros2_options(options: argparse.Namespace, namespace: str, robot: Robot) -> Ros2Options:
     """Read which topics there are, and how far they are believed."""
     from firmware_bridge.ros2.obstacles import GridOptions
     from firmware_bridge.ros2.options import Ros2Options, read_topics
@@ -197,6 +199,7 @@ def _ros2_options(options: argparse.Namespace, namespace: str) -> Ros2Options:
         base=options.base,
         pose_from_tf=options.pose_from_tf,
         stamped=is_stamped(options),
+        wheels=robot.wheels,
         simulated_time=options.use_sim_time,
         scan_age=options.scan_age,
         mount=None if options.scan_mount is None else tuple(options.scan_mount),

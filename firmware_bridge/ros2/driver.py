@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
+from firmware_bridge.kinematics import curvature_of
 from firmware_bridge.messages import LinkStatus, State
 from firmware_bridge.ros2.inputs import Inputs, Source
 from firmware_bridge.ros2.message_types import TWIST, TWIST_STAMPED
@@ -14,6 +15,7 @@ from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
 from firmware_bridge.ros2.options import Ros2Options
 from firmware_bridge.ros2.outputs import Outputs
 from firmware_bridge.ros2.reader import SLOW_PAUSE, Reader
+from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
 
 QUIET = 1.0
 """Without a goal zeros are published for so long, and then nothing: others may drive [s]."""
@@ -51,6 +53,8 @@ class Ros2Driver:
         self.inputs = Inputs(options) if inputs is None else inputs
         self.outputs = Outputs(self.node.types, options.frame)
         self._is_wanted = is_wanted
+        self._curvature = 0.0
+        """To which a car's wheels are steered [1/m]."""
         self._commands: Publisher | None = None
         self.subscriptions: list[tuple[Subscription, Source]] = []
         """With the receivers of their messages."""
@@ -71,6 +75,7 @@ class Ros2Driver:
         self.node.wait(timeout)
         name = self.options.topics["cmd_vel"][0]
         kind = TWIST_STAMPED if self.options.stamped else TWIST
+        kind = ACKERMANN_STAMPED if self.options.wheels.wheelbase else kind
         self._commands = self.node.publisher(name, kind, COMMANDS)
         self.subscriptions = [
             (self.node.subscription(source.name, source.kind, source.qos), source)
@@ -98,13 +103,13 @@ class Ros2Driver:
         if v or omega or vy or self._is_wanted():
             self._idle_since = now
         if now - self._idle_since <= QUIET:
-            self._publish(v, omega, now, vy)
+            self._publish(v, omega, vy, now)
 
     def stop(self) -> None:
         """Publish zero."""
         now = self._clock()
         if now - self._idle_since <= QUIET:
-            self._publish(0.0, 0.0, now)
+            self._publish(0.0, 0.0, 0.0, now)
 
     def health(self) -> LinkStatus:
         """What is known of the other end: odometry is its heartbeat."""
@@ -169,8 +174,15 @@ class Ros2Driver:
             reader.stop()
         self.node.close()
 
-    def _publish(self, v: float, omega: float, now: float, vy: float = 0.0) -> None:
+    def _publish(self, v: float, omega: float, vy: float, now: float) -> None:
         assert self._commands is not None, "connect comes first"
-        stamp = self.inputs.clock.stamp(now) if self.options.stamped else None
-        base = self.inputs.pose.base
-        self._commands.publish(self.outputs.command(v, omega, stamp, base, vy))
+        stamp, base = self.inputs.clock.stamp(now), self.inputs.pose.base
+        wheels = self.options.wheels
+        if wheels.wheelbase:
+            self._curvature = curvature_of(v, omega, 1.0 / wheels.radius, self._curvature)
+            angle = math.atan(wheels.wheelbase * self._curvature)
+            message = self.outputs.steered(v, angle, stamp, base)
+        else:
+            stamped = stamp if self.options.stamped else None
+            message = self.outputs.command(v, omega, stamped, base, vy)
+        self._commands.publish(message)

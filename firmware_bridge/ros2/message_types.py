@@ -5,6 +5,8 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
+from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED, FIELDS
+
 DISTRIBUTIONS = ("jazzy", "kilted", "humble")
 NO_HASH = "TypeHashNotSupported"
 """Stands for a hash in Humble, which has none: types that differ are not distinguished there."""
@@ -30,6 +32,7 @@ LARGEST = {
     CLOCK: 256,
     TWIST: 256,
     TWIST_STAMPED: 4096,
+    ACKERMANN_STAMPED: 4096,
     PATH: 2**18,
     MARKERS: 2**20,
     DIAGNOSTICS: 2**18,
@@ -41,7 +44,8 @@ int32 y
 uint32 width
 uint32 height
 int8[] data"""
-"""map_msgs has no store of its own; the definition is the same in all distributions."""
+"""map_msgs has no store of its own, nor has ackermann_msgs; their definitions are the same in all
+distributions."""
 
 
 class MessageTypes:
@@ -57,7 +61,8 @@ class MessageTypes:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         self._store: Any = get_typestore(Stores(f"ros2_{distribution}"))
-        self._store.register(get_types_from_msg(GRID_UPDATE_TEXT, GRID_UPDATE))
+        for kind, text in {**FIELDS, GRID_UPDATE: GRID_UPDATE_TEXT}.items():
+            self._store.register(get_types_from_msg(text, kind))
         self._hashed = distribution != "humble"
 
     def type_hash(self, kind: str) -> str:

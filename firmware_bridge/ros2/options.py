@@ -9,6 +9,7 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check
 from firmware_bridge.ros2.names import resolve
 from firmware_bridge.ros2.obstacles import GridOptions
+from firmware_bridge.wheels import Wheels
 
 TOPICS = {
     "odom": "odom",
@@ -46,6 +47,8 @@ class Ros2Options:
     """Whether TF alone tells the pose; there is no odometry topic then."""
     stamped: bool = False
     """Whether commands are TwistStamped."""
+    wheels: Wheels = field(default_factory=Wheels)
+    """Of the robot; a car with a wheelbase is commanded by AckermannDriveStamped."""
     simulated_time: bool = False
     """Whether stamps are of /clock: use_sim_time."""
     scan_age: float = bounded(0.05, 5.0, "s", 0.5)

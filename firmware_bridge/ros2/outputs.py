@@ -18,6 +18,7 @@ from firmware_bridge.ros2.message_types import (
     TWIST_STAMPED,
     MessageTypes,
 )
+from kmpc_lite.learn.formats.ackermann import ACKERMANN, ACKERMANN_STAMPED
 
 ADD, ARROW, CYLINDER, TEXT = 0, 0, 3, 9
 """Of visualization_msgs/Marker."""
@@ -46,10 +47,22 @@ class Outputs:
     def __init__(self, types: MessageTypes, frame: str) -> None:
         self._types, self._frame = types, frame
 
+    def steered(self, v: float, angle: float, stamp: Stamp, base: str) -> Any:
+        """Forward speed [m/s] and steering angle [rad] of a car: AckermannDriveStamped."""
+        drive = self._types.make(
+            ACKERMANN,
+            steering_angle=angle,
+            steering_angle_velocity=0.0,
+            speed=v,
+            acceleration=0.0,
+            jerk=0.0,
+        )
+        return self._types.make(ACKERMANN_STAMPED, header=self._header(stamp, base), drive=drive)
+
     def command(
         self, v: float, omega: float, stamped: Stamp | None, base: str, vy: float = 0.0
     ) -> Any:
-        """Forward speed [m/s] and turn rate [rad/s]; with a stamp, TwistStamped."""
+        """Speeds ahead and to the left [m/s] and turn rate [rad/s]; with a stamp, TwistStamped."""
         twist = self._types.make(
             TWIST, linear=self._vector(v, vy, 0.0), angular=self._vector(0.0, 0.0, omega)
         )

@@ -57,9 +57,9 @@ class PoseInput:
         """Take an Odometry message that came at `now` [s]."""
         pose, twist = message.pose.pose, message.twist.twist
         matrix = pose_matrix(pose.position, pose.orientation)
-        v, omega = float(twist.linear.x), float(twist.angular.z)
+        v, vy, omega = float(twist.linear.x), float(twist.linear.y), float(twist.angular.z)
         # NaN fails every comparison
-        if matrix is None or not (abs(v) <= FASTEST and abs(omega) <= FASTEST):
+        if matrix is None or not all(abs(speed) <= FASTEST for speed in (v, vy, omega)):
             self.refused += 1
             return
         at = planar(matrix)
@@ -70,7 +70,7 @@ class PoseInput:
         # an odometry without names of frames is of the frame that is driven in
         self._source_frame = bare(message.header.frame_id) or self._frame
         self.base = bare(message.child_frame_id) or self.base
-        self._newest = State(believed.x, believed.y, believed.theta, v, omega, believed.stamp)
+        self._newest = State(believed.x, believed.y, believed.theta, v, omega, believed.stamp, vy)
 
     def take_transforms(self, now: float) -> None:
         """Read the pose of TF alone: the first frame above the robot that moves carries it."""
@@ -121,10 +121,12 @@ class PoseInput:
 def _with_speeds(before: State | None, here: State) -> State:
     """Speeds of a robot that was elsewhere before."""
     if before is None or not SHORTEST <= here.stamp - before.stamp <= LONGEST:
-        return here if before is None else replace(here, v=before.v, omega=before.omega)
+        return (
+            here if before is None else replace(here, v=before.v, omega=before.omega, vy=before.vy)
+        )
     seconds = here.stamp - before.stamp
     turn = math.remainder(here.theta - before.theta, math.tau)
     heading = before.theta + turn / 2
     dx, dy = here.x - before.x, here.y - before.y
-    v = (dx * math.cos(heading) + dy * math.sin(heading)) / seconds
-    return replace(here, v=v, omega=turn / seconds)
+    cos, sin = math.cos(heading) / seconds, math.sin(heading) / seconds
+    return replace(here, v=dx * cos + dy * sin, omega=turn / seconds, vy=dy * cos - dx * sin)

@@ -71,10 +71,13 @@ class TopicRig:
         self.driver.connect(PATIENCE, read=False)
         limits = Limits(v_max=v_max, v_reverse=v_max)
         settings = GateSettings(limits=limits, pilot=False, resume=resume)
+        wheels = scenario.problem().wheels
+        omni = wheels.inputs == 3
+        fastest = np.array((v_max, v_max, 0.8) if omni else (v_max, 0.8))
         problem = kl.NavigationProblem(
-            u_min=(-v_max, -0.8), u_max=(v_max, 0.8), robot_radius=scenario.radius
+            u_min=-fastest, u_max=fastest, robot_radius=scenario.radius, wheels=wheels
         )
-        model = kl.nominal_unicycle(PERIOD)
+        model = kl.nominal_omni(PERIOD) if omni else kl.nominal_unicycle(PERIOD)
         controller = kl.Controller(model, problem, adaptation=False)
         self.navigator = GoalNavigator(controller, self.driver.inputs, 0.2, clock)
         controller = lambda state: self.navigator(state, self.planner.held)  # noqa: E731

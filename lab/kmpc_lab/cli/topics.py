@@ -14,6 +14,7 @@ from firmware_bridge.messages import ConfigError
 from kmpc_lite.cli.extras import need
 
 if TYPE_CHECKING:
+    from firmware_bridge.wheels import Wheels
     from kmpc_lab.emulator.ros2.robot import Ros2Emulator
 
 ROUTER_URL = "tcp:127.0.0.1:7447"
@@ -67,19 +68,28 @@ def topic_robot(options: argparse.Namespace) -> Ros2Emulator:
     return Ros2Emulator(node_options(options, "emulated_robot"), scenario, robot, options.seed)
 
 
-def emulated_for(options: argparse.Namespace) -> Ros2Emulator:
-    """Build the robot of `kmpc ros2 --emulate`, and make its network and goal the command's."""
+def emulated_for(options: argparse.Namespace, wheels: Wheels) -> Ros2Emulator:
+    """Build the robot of `kmpc ros2 --emulate`; its network, goal and wheels are the command's.
+
+    The `wheels` of a robot file come before the scenario's, unless they are the usual ones.
+    """
     from kmpc_lab.emulator.ros2.robot import EmulatedRobot, Ros2Emulator
+    from kmpc_lite.control.wheels import read_wheels, wheels_to_table
     from kmpc_lite.scenario.files import Scenario
 
     if options.connect:
         raise ConfigError("--emulate: the emulated robot has a network of its own; no --connect")
     scenario = Scenario.load(options.emulate)
+    if wheels.kind == "differential":
+        options.wheels = wheels_to_table(scenario.problem().wheels)
+    else:
+        scenario = replace(scenario, wheels=read_wheels(wheels.table))
     left_out = {word.partition("=")[0] for word in options.topic if word.endswith("=")}
     robot = EmulatedRobot(
         sees=tuple(name for name in ("map", "scan") if name not in left_out),
         stamped=is_stamped(options),
         simulated_time=options.use_sim_time,
+        wheelbase=wheels.wheelbase or 0.0,
     )
     emulated = Ros2Emulator(node_options(options, "emulated_robot"), scenario, robot)
     with socket.create_server(("127.0.0.1", 0)) as probe:

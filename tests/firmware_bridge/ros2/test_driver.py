@@ -14,14 +14,17 @@ pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not insta
 
 from topic_rig import TopicRig, short_course
 
+import kmpc_lite as kl
 from firmware_bridge.ros2.driver import Ros2Driver
-from firmware_bridge.ros2.message_types import DIAGNOSTICS, LARGEST, MARKERS, PATH
+from firmware_bridge.ros2.message_types import DIAGNOSTICS, LARGEST, MARKERS, PATH, TWIST
 from firmware_bridge.ros2.names import Qos
 from firmware_bridge.ros2.node import NodeOptions
 from firmware_bridge.ros2.options import Ros2Options, read_topics
 from firmware_bridge.ros2.telling import Telling
 from firmware_bridge.safety.gate_table import GateState, Reason
+from firmware_bridge.wheels import Wheels
 from kmpc_lab.emulator.ros2.robot import EmulatedRobot
+from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
 
 
 def drive(rig: TopicRig, seconds: float = 20.0) -> float:
@@ -82,6 +85,35 @@ def test_a_drive_past_an_obstacle_that_only_a_scan_topic_tells() -> None:
         drive(rig)
         assert rig.navigator.reached == 1, (rig.loop.why(), rig.planner.last_error)
         assert rig.clearance > 0.0
+
+
+STEERED = Wheels("car", wheelbase=0.3, steering_angle=math.atan(0.3 / 0.5))
+
+
+@pytest.mark.parametrize("wheels", [STEERED, Wheels("car", turning_radius=0.5)])
+def test_a_car_is_driven_by_steering_angles_or_by_turn_rates(wheels: Wheels) -> None:
+    course = short_course(wheels=kl.Car(0.5), goal=(1.2, 0.3, 0.0))
+    robot = EmulatedRobot(sees=("map",), wheelbase=wheels.wheelbase or 0.0)
+    with TopicRig(course, robot, wheels=wheels) as rig:
+        kinds = [seen.kind for seen in rig.driver.node.seen() if seen.topic == "/cmd_vel"]
+        assert set(kinds) == {ACKERMANN_STAMPED if wheels.wheelbase else TWIST}
+        rig.drive_to(rig.scenario.goal)
+        drive(rig, 40.0)
+        assert rig.navigator.reached == 1, rig.loop.why()
+        assert math.dist(rig.emulator.pose[:2], rig.scenario.goal[:2]) < 0.05
+        assert rig.clearance > 0.0 and rig.emulator.commands > 100
+
+
+def test_an_omni_is_driven_sideways_and_its_odometry_tells_so() -> None:
+    course = short_course(wheels=kl.Omni(), goal=(0.3, 0.8, 0.0), circles=())
+    with TopicRig(course, EmulatedRobot(sees=("map",)), wheels=Wheels("omni")) as rig:
+        rig.drive_to(rig.scenario.goal)
+        fastest = 0.0
+        while not rig.navigator.reached and rig.now < 120.0:
+            rig.tick()
+            fastest = max(fastest, rig.driver.state().vy)
+        assert rig.navigator.reached == 1, rig.loop.why()
+        assert fastest > 0.2 and abs(rig.emulator.pose[2]) < 0.15
 
 
 def test_maps_that_are_missing_or_were_pushed_out_are_asked_for_now_and_then() -> None:

@@ -15,6 +15,7 @@ from firmware_bridge.ros2.names import (
     read_token,
     resolve,
 )
+from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
 
 NODE = NodeKey(7, "b0273db5eb9f463fd779148776b180d5", "/robot/one", "kmpc")
 TOPIC = TopicKey("/robot/one/odom", "nav_msgs/msg/Odometry", "RIHS01_3c")
@@ -77,7 +78,7 @@ def test_type_hashes_are_those_that_the_independent_client_computes(distribution
     pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
     utils = pytest.importorskip("zenoh_ros2_sdk.utils", reason="zenoh-ros2-sdk is missing")
     types = message_types.MessageTypes(distribution)
-    assert len(KINDS) == 12
+    assert len(KINDS) == 13
     for kind in KINDS:
         text, *nested = types.definition(kind).split("=" * 80 + "\n")
         parts = (part.removeprefix("MSG: ").split("\n", 1) for part in nested)
@@ -90,6 +91,10 @@ def test_hashes_of_the_distributions() -> None:
     pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
     twist = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
     assert message_types.MessageTypes("jazzy").type_hash(message_types.TWIST) == twist
+    # as CARLA's simulator publishes it
+    steered = "RIHS01_48ca7612a08d3bb72744fd98b71b7cf2ea24c6ad50fa4e1aa0bbad963c90d8cf"
+    types = message_types.MessageTypes("jazzy")
+    assert types.type_hash(ACKERMANN_STAMPED) == steered
     assert message_types.MessageTypes("humble").type_hash(message_types.TWIST) == (
         "TypeHashNotSupported"
     )

@@ -23,12 +23,13 @@ class RobotMessages:
         self.types = types
 
     def odometry(self, pose: Pose, speeds: Pose, time: float, frame: str, base: str) -> Any:
-        """Pose in `frame`, forward speed [m/s] and turn rate [rad/s]."""
+        """Pose in `frame`, forward speed [m/s], turn rate [rad/s], and an omni's to the left."""
         make, none = self.types.make, np.zeros(36)
+        v, omega, vy = (*speeds, 0.0)[:3]
         twist = make(
             "geometry_msgs/msg/Twist",
-            linear=self._vector(speeds[0], 0.0, 0.0),
-            angular=self._vector(0.0, 0.0, speeds[1]),
+            linear=self._vector(v, vy, 0.0),
+            angular=self._vector(0.0, 0.0, omega),
         )
         return make(
             ODOMETRY,

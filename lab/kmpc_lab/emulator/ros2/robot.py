@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
 from firmware_bridge.ros2.transforms import planar, planar_matrix
 from kmpc_lab.emulator.ros2.messages import RobotMessages
 from kmpc_lab.emulator.ros2.world import World
-from kmpc_lab.sim.plants.lag import LaggingDrive
+from kmpc_lab.sim.plants.plant import scenario_plant
 from kmpc_lite.control import Footprint
+from kmpc_lite.geometry import rotate
+from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.gaps import obstacle_gaps
 from kmpc_lite.types import Array
@@ -42,6 +45,8 @@ class EmulatedRobot:
     """Which topics tell of obstacles."""
     stamped: bool = False
     """Whether it listens to TwistStamped."""
+    wheelbase: float = 0.0
+    """Of a car that listens to AckermannDriveStamped [m]."""
     simulated_time: bool = False
     """Whether stamps count from the start, and /clock is published."""
     watchdog: float = 0.5
@@ -54,7 +59,7 @@ class EmulatedRobot:
 
 
 class Ros2Emulator:
-    """Publishes odometry, transforms, scan and map, and obeys cmd_vel.
+    """Publishes odometry, transforms, scan and map, and obeys cmd_vel, on the scenario's wheels.
 
     Odometry begins at zero, wherever the robot stands: ``map -> odom`` tells where that is, as a
     localisation does.
@@ -86,17 +91,12 @@ class Ros2Emulator:
         self._robot = EmulatedRobot() if robot is None else robot
         self._clock, self._stamps = clock, stamps
         self._world = World(scenario)
-        self._plant = LaggingDrive(
-            scenario.lag or MOTOR_LAG,
-            scenario.dead_time,
-            scenario.slip,
-            scenario.turn_gain,
-            seed,
-            scenario.floors,
-            scenario.turning_point,
-        )
+        # which lags only on wheels on either side
+        driven = replace(scenario, seed=seed, lag=scenario.lag or MOTOR_LAG)
+        self._plant = scenario_plant(driven)
         self._pose = np.array(scenario.start, dtype=float)
-        self._command, self._heard = (0.0, 0.0), -math.inf
+        self._still = np.zeros(scenario.problem().wheels.inputs)
+        self._command, self._heard = self._still, -math.inf
         self.commands = 0
         """Number of commands that came."""
         self._began = self._now = clock()
@@ -136,6 +136,7 @@ class Ros2Emulator:
             topics.append(("/clock", CLOCK, Qos(reliable=False, depth=1)))
         self._publishers = {name: node.publisher(name, kind, qos) for name, kind, qos in topics}
         kind = TWIST_STAMPED if robot.stamped else TWIST
+        kind = ACKERMANN_STAMPED if robot.wheelbase else kind
         self._listener = node.subscription("cmd_vel", kind, Qos(depth=1))
         messages, stamp = RobotMessages(node.types), self._stamp()
         still = messages.transforms(("base_link", "laser", SCANNER), time=stamp)
@@ -158,7 +159,7 @@ class Ros2Emulator:
     @property
     def stopped(self) -> bool:
         """Whether it is commanded to stand."""
-        return self._command == (0.0, 0.0)
+        return not self._command.any()
 
     @property
     def clearance(self) -> float:
@@ -186,7 +187,7 @@ class Ros2Emulator:
             self.node.close()
             self.node = None
         self._quit.clear()
-        self._command = (0.0, 0.0)
+        self._command = self._still
 
     def listen(self) -> None:
         """Take the commands that have come."""
@@ -194,18 +195,27 @@ class Ros2Emulator:
         while (taken := self._listener.take()) is not None:
             if taken[0] is None:
                 continue
-            twist = taken[0].twist if self._robot.stamped else taken[0]
-            v, omega = twist.linear.x, twist.angular.z
-            if math.isfinite(v) and math.isfinite(omega):
-                self._command, self._heard = (v, omega), self._clock()
+            command = self._read(taken[0])
+            if np.isfinite(command).all():
+                self._command, self._heard = command, self._clock()
                 self.commands += 1
+
+    def _read(self, message: Any) -> Array:
+        """What a message commands the wheels."""
+        if self._robot.wheelbase:
+            v = message.drive.speed
+            return np.array((v, v * math.tan(message.drive.steering_angle) / self._robot.wheelbase))
+        twist = message.twist if self._robot.stamped else message
+        v, omega = twist.linear.x, twist.angular.z
+        return np.array((v, omega) if len(self._still) == 2 else (v, twist.linear.y, omega))
 
     def _step(self, now: float) -> None:
         """One step of the physics, and what is due after it."""
         if now - self._heard > self._robot.watchdog:
-            self._command = (0.0, 0.0)
+            self._command = self._still
+        before = self._pose
         with self._lock:
-            self._pose = self._plant.step(self._pose, self._command, STEP)
+            self._pose = self._plant.trace(before, self._command, STEP, 1)[0]
         assert self.node is not None
         messages, stamp = RobotMessages(self.node.types), self._stamp()
         publish = {name: publisher.publish for name, publisher in self._publishers.items()}
@@ -218,8 +228,9 @@ class Ros2Emulator:
         if self._steps % every == 1:
             links.append(("map", "odom", self._scenario.start))
         publish["/tf"](messages.transforms(*links, time=stamp))
-        speeds = np.asarray(self._plant.speeds, dtype=float).tolist()
-        publish["odom"](messages.odometry(here, speeds, stamp, "odom", "base_link"))
+        moved = (self._pose - before) / STEP
+        v, vy = rotate(moved[0], moved[1], -before[2] - 0.5 * STEP * moved[2])
+        publish["odom"](messages.odometry(here, (v, moved[2], vy), stamp, "odom", "base_link"))
         if "scan" in publish and self._steps % every == 1:
             publish["scan"](messages.scan(self._ranges(), self._robot.farthest, stamp, "laser"))
 
