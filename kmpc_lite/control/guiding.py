@@ -86,7 +86,8 @@ class Guiding:
             rest=rest,
             until=until,
             view=seen.view,
-            speed=abs(float(speeds(state.history.command)[0])),
+            speed=float(speeds(state.history.command)[0]),
+            curvature=state.history.curvature,
         )
         guidance = self._guide.reference(state.guide, known.capabilities, task)
         states = guidance.states

@@ -20,6 +20,7 @@ import numpy as np
 
 from kmpc_lite.control.problem_fields import scalar
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -35,11 +36,18 @@ class Differential:
         """Bring commands (..., 2) within what the wheels can do: all is."""
         return commands
 
+    def steering_time(self, now: float, reference: Array, dt: float) -> float:
+        """How long the wheels take to be turned for a reference [s]: they need not."""
+        return 0.0
+
     def in_units(self, scale: Scale) -> Differential:
         """Give the same in a robot's units."""
         return self
 
 
+CORRECTION = 0.25
+"""How far from the curvature of its reference a car steers to correct, as a share of the largest.
+"""
 CREEP = 0.003
 """Speed at which a car steers where it waits, in the robot's units [m/s]."""
 
@@ -92,26 +100,82 @@ class Car:
         out[..., 1] = np.minimum(np.maximum(commands[..., 1], -sharpest), sharpest)
         return out
 
-    def curvatures(self, now: float, dt: float, stages: int) -> Array:
-        """Least and largest curvature (2, N) to which the wheels can be steered by each stage."""
-        if self.steering_rate is None:
-            change: Array | float = np.inf
-        else:
-            change = self.steering_rate * dt * np.arange(1, stages + 1)
-        both = np.stack([now - change * np.ones(stages), now + change * np.ones(stages)])
-        return np.clip(both, -self.curvature, self.curvature)
+    def commands(self, reference: Array, now: float, dt: float) -> Array:
+        """Commands (N, 2) along a reference (N + 1, 3) of poses, from a curvature now [1/m]."""
+        commands = _commands_along(reference, dt)
+        if self.steering_rate is not None:
+            steered, step = self._steered_along(commands, dt), self.steering_rate * dt
+            for k in range(len(steered)):
+                now = steered[k] = min(max(steered[k], now - step), now + step)
+            commands[:, 1] = commands[:, 0] * steered
+        return commands
 
-    def steered(self, commands: Array, now: float, dt: float) -> Array:
-        """Let a car that waits creep at the head of a plan (N, 2) while its wheels are steered.
+    def _steered_along(self, commands: Array, dt: float) -> Array:
+        """Curvatures (N,) of commands (N, 2), which may jump, as the wheels can be turned.
 
-        To the curvature in which the plan drives on, for wheels that stand still tell nothing.
+        Half of each turn comes before its jump and half after it: so the car comes out where the
+        path leads.
         """
+        speed, turn_rate = commands.T
+        drives = np.flatnonzero(np.abs(speed) > CREEP)
+        if not len(drives) or self.steering_rate is None:
+            return np.zeros(len(commands))
+        stages = np.arange(len(commands))
+        # what waits is steered as what is driven before it, or next
+        nearest = drives[np.maximum(np.searchsorted(drives, stages, "right") - 1, 0)]
+        wanted = turn_rate[nearest] / speed[nearest]
+        jumps = np.diff(wanted)
+        lasts = np.maximum(np.abs(jumps) / (self.steering_rate * dt), 1e-9)
+        shares = np.clip(0.5 + (stages[:, None] - stages[1:] + 0.5) / lasts, 0.0, 1.0)
+        out: Array = wanted[0] + shares @ jumps
+        return out
+
+    def steering_time(self, now: float, reference: Array, dt: float) -> float:
+        """How long the wheels take from a curvature to the one that a reference begins in [s]."""
+        if self.steering_rate is None:
+            return 0.0
+        commands = _commands_along(reference, dt)
+        if not (np.abs(commands[:, 0]) > CREEP).any():
+            return 0.0
+        return abs(float(self._steered_along(commands, dt)[0]) - now) / self.steering_rate
+
+    def waits(self, commands: Array) -> int:
+        """For how many stages a reference's commands (N, 2) wait until the wheels are turned."""
         drives = np.abs(commands[:, 0]) > CREEP
-        first = int(drives.argmax())
-        if self.steering_rate is None or not drives[first] or first == 0:
+        return int(drives.argmax()) if self.steering_rate is not None else 0
+
+    def curvatures(self, commands: Array, now: float, dt: float) -> Array:
+        """Least and largest curvature (2, N) that plans may steer near commands (N, 2), from now.
+
+        Those to which the wheels can be steered by each stage; and a plan that jumped from one side
+        to the other on its way would begin to turn the wheels too late.
+        """
+        sharpest = self.curvature
+        if self.steering_rate is None:
+            return sharpest * np.repeat([[-1.0], [1.0]], len(commands), axis=1)
+        speed, turn_rate = commands.T
+        change = self.steering_rate * dt * np.arange(1, len(commands) + 1)
+        drives = np.abs(speed) > CREEP
+        near = np.where(drives, turn_rate / np.where(drives, speed, 1.0), 0.0)
+        near_by = np.where(drives, CORRECTION * sharpest, 2.0 * sharpest)
+        least = np.maximum(now - change, near - near_by)
+        most = np.minimum(now + change, near + near_by)
+        out: Array = np.clip(np.stack([least, most]), -sharpest, sharpest)
+        return out
+
+    def steered(self, commands: Array, wanted: Array, now: float, dt: float) -> Array:
+        """Let a car that waits creep at the head of a plan (N, 2) until its wheels are turned.
+
+        To the curvature in which the reference's commands (N, 2) drive on, for wheels that stand
+        still tell nothing.
+        """
+        first = self.waits(wanted)
+        if self.steering_rate is None or not first:
             return commands
-        out, (speed, turn_rate) = commands.copy(), commands[first]
-        least, most = self.curvatures(now, dt, first)
+        out, (speed, turn_rate) = commands.copy(), wanted[first]
+        change = self.steering_rate * dt * np.arange(1, first + 1)
+        least = np.maximum(now - change, -self.curvature)
+        most = np.minimum(now + change, self.curvature)
         out[:first, 0] = math.copysign(CREEP, speed)
         out[:first, 1] = out[:first, 0] * np.clip(turn_rate / speed, least, most)
         return out
@@ -162,9 +226,21 @@ class Omni:
         """Bring commands (..., 3) within what the wheels can do: all is."""
         return commands
 
+    def steering_time(self, now: float, reference: Array, dt: float) -> float:
+        """How long the wheels take to be turned for a reference [s]: they need not."""
+        return 0.0
+
     def in_units(self, scale: Scale) -> Omni:
         """Give the same in a robot's units."""
         return self
+
+
+def _commands_along(reference: Array, dt: float) -> Array:
+    """Commands (N, 2) that lead from pose to pose of a reference (N + 1, 3), by arcs."""
+    steps, turns = np.diff(reference, axis=0), np.diff(reference[:, 2])
+    chords = seen_along(steps, reference[:-1, 2] + 0.5 * turns)[:, 0]
+    out: Array = np.stack([chords / np.sinc(0.5 * turns / np.pi), turns], axis=1) / dt
+    return out
 
 
 def _directions(headings: Array) -> Array:

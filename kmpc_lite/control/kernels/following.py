@@ -31,7 +31,7 @@ class Timed(NamedTuple):
     step: float
     """Time between poses among which the robot's place is looked for [s]."""
     braking: float
-    """How long the robot brakes at the end of the path [s]."""
+    """How long the robot brakes at the end of a leg [s]."""
 
 
 def poses_at(path: Timed, times: Array) -> Array:
@@ -83,8 +83,8 @@ def locate(path: Timed, pose: Array, place: float, least: float) -> tuple[float,
     return float(times[nearest]), math.hypot(error[nearest, 0], error[nearest, 1])
 
 
-def times_after(path: Timed, place: float, later: Array) -> Array:
-    """Times on the path of a robot that is at a place [s] and drives on, braking at the end.
+def times_after(path: Timed, place: float, leg: float, later: Array) -> Array:
+    """Times on the path of a robot that drives on from a place [s], braking where a leg ends.
 
     On its times alone a path ends at full speed: one that brakes before it has braked too late.
 
@@ -94,17 +94,19 @@ def times_after(path: Timed, place: float, later: Array) -> Array:
         What is followed.
     place : float
         Where the robot is [s], before the last turn.
+    leg : float
+        When its gear has changed last [s].
     later : ndarray
         How much later, (n,) [s].
     """
-    drive_end, braking = float(path.times[-2]), path.braking
-    left = drive_end - place
+    end, braking = min(leg_end(path, leg), float(path.times[-2])), path.braking
+    left = end - place
     if left <= 0.0 or braking == 0.0:
         return place + later
     # with a constant deceleration the root of the time that is left shrinks evenly
     root, rate = math.sqrt(min(left, 0.5 * braking)), 1.0 / math.sqrt(2.0 * braking)
     slowed = later - max(left - 0.5 * braking, 0.0)
-    braked = drive_end - np.maximum(root - rate * slowed, 0.0) ** 2
+    braked = end - np.maximum(root - rate * slowed, 0.0) ** 2
     times: Array = np.where(slowed <= 0.0, place + later, braked)
     return times + np.maximum(slowed - root / rate, 0.0)
 
@@ -130,7 +132,7 @@ def along_path(
         Whether it is on its last turn.
     """
     drive_end = path.times[-2]
-    times = place + later if turning else times_after(path, place, later)
+    times = place + later if turning else times_after(path, place, leg, later)
     if not turning and place > drive_end - GOAL_STRETCH:
         times = np.minimum(times, drive_end)
     states = poses_at(path, np.minimum(times, leg_end(path, leg)))

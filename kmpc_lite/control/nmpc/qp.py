@@ -211,6 +211,14 @@ class NavigationQP:
         self.lower[self.change_rows[0]] = last - self._change
         self.upper[self.change_rows[0]] = last + self._change
 
+    def set_input_reference(self, inputs: Array, waits: int) -> None:
+        """Write commands (N, m) that cost nothing: those of the reference; at first it may wait."""
+        self.q[self.input_columns] = -2.0 * inputs @ self.problem.weights[1]
+        moves = np.arange(self.horizon) >= waits
+        first = self.input_rows[:, 0]
+        self.lower[first] = moves * self.problem.u_min[0]
+        self.upper[first] = moves * self.problem.u_max[0]
+
     def set_gears(self, gears: Array, sharpest: Array) -> None:
         """Write the gear (N,) of each stage, and the curvatures between which a car steers (2, N).
 

@@ -149,7 +149,7 @@ class SQP:
         self.workspace = choose_solver(solver, self.qp, settings)
         self.tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
         self._couples = problem.limits_wheels or not problem.wheels.turns_on_the_spot
-        self._rates = RateLimit(problem)
+        self._rates, self._wanted = RateLimit(problem), np.zeros((problem.horizon, 2))
         self._u_min, self._u_max, _, _ = problem.bounds
 
     def solve(self, guess: Trajectory, task: Task, least: int = 1) -> SQPResult:
@@ -191,12 +191,14 @@ class SQP:
                 share = max(0.5 * share, LEAST_SHARE)
 
     def _steer(self, task: Task, here: Array) -> None:
-        """Write the gear and the curvatures of each stage of a car."""
+        """Write a car's commands along its reference, and gear and curvatures of each stage."""
         car, dt = self.problem.wheels, self.problem.dt
         if isinstance(car, Car):
             braking = dt * float(self.problem.du_max[0])
             gears = car.gears(task.reference, here, task.last, braking)
-            self.qp.set_gears(gears, car.curvatures(task.curvature, dt, self.qp.horizon))
+            self._wanted = wanted = car.commands(task.reference, task.curvature, dt)
+            self.qp.set_gears(gears, car.curvatures(wanted, task.curvature, dt))
+            self.qp.set_input_reference(self.problem.within_bounds(wanted), car.waits(wanted))
 
     def _has_ended(self, run: SQPResult) -> bool:
         """Whether the model agrees with the plan, and it has settled; or passes are used up."""
@@ -265,7 +267,7 @@ class SQP:
         np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
         car = self.problem.wheels
         if isinstance(car, Car):
-            inputs = car.steered(inputs, task.curvature, self.problem.dt)
+            inputs = car.steered(inputs, self._wanted, task.curvature, self.problem.dt)
         return self.problem.within_bounds(inputs) if self._couples else inputs
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -27,6 +28,7 @@ from kmpc_lite.control.path.goal_checker import content_with, holds
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
 from kmpc_lite.control.path.replan import Replanner
+from kmpc_lite.control.path.search_driver import STANDS
 from kmpc_lite.control.path.situation import (
     Guidance,
     GuideTask,
@@ -37,10 +39,11 @@ from kmpc_lite.control.path.situation import (
 )
 from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
-from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.types import Array
 
 NEAR_CUSP = 0.075
@@ -49,11 +52,8 @@ CENTRE_CHANGE = 0.001
 """Changes of the turning centre below this are ignored [m]."""
 
 CUSP_REACH = 0.012
-"""Distance from a change of gear at which a robot that follows poses goes on in the other one: what
-it is short of turns it too little [m]."""
-STANDS = 0.01
-"""Speed below which it has come to stand there [m/s]."""
-
+"""How short of a change of gear a robot that follows poses goes on in the other one: what it is
+beside it, it cannot mend there [m]."""
 ORIGIN = np.zeros(2)
 
 
@@ -89,13 +89,16 @@ class Guide:
         self._options = lengths_from_radii(options or GuidanceOptions(), unit)
         self._dt, self._kernels = problem.dt, kernels
         self._times = problem.dt * np.arange(problem.horizon + 1)
-        self._ahead = self._options.lead_time + self._times
         self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._body = problem.inflation
         arms = 0.0 if problem.footprint is None else problem.footprint.reach
         self._swept = problem.body_radius + arms
         self._by_poses = follows_poses(problem)
+        # a reference that runs ahead on arcs is nearer inside of them
+        self._wheels = problem.wheels
+        lead = self._options.lead_time if problem.wheels.turns_on_the_spot else 0.0
+        self._ahead = lead + self._times
         if planner is None and self._by_poses:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:
@@ -144,10 +147,15 @@ class Guide:
         """Go on to the next leg of a path where the robot has come to a change of its gear."""
         end = leg_end(path.timed, state.leg)
         if end < math.inf:
-            (begin, cusp), here = path.at(np.array([state.leg, end]))[:, :2], now.pose[:2]
-            reach = CUSP_REACH if self._by_poses else min(NEAR_CUSP, math.dist(begin, here))
-            stands = self._by_poses and now.speed <= STANDS and state.place > end - self._dt
-            if stands or math.dist(cusp, here) <= reach:
+            (begin, cusp), here = path.at(np.array([state.leg, end])), now.pose
+            if self._by_poses:
+                near = state.place > end - self._dt - GRID_STEP
+                left = path.gear_at(state.leg) * float(seen_along(cusp - here, here[2])[0])
+                comes = near and (left <= CUSP_REACH or abs(now.speed) <= STANDS)
+            else:
+                reach = min(NEAR_CUSP, math.dist(begin[:2], here[:2]))
+                comes = math.dist(cusp[:2], here[:2]) <= reach
+            if comes:
                 state.leg = state.place = end
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
@@ -211,10 +219,7 @@ class Guide:
             switched = switched or state.evasive_arc != begins
         else:
             state.evasive_arc = -1
-            later, heading = self._ahead * (scale or 0.0), float(now.pose[2])
-            states = self._kernels.along_path(
-                path.timed, later, place, state.leg, heading, state.turning
-            )
+            states = self._along(path, state, scale or 0.0, now)
             turn = float(now.capabilities.forward[1]) * self._dt
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
@@ -242,6 +247,23 @@ class Guide:
             share_at_goal=path.share_at_goal(states),
             path_clearance=state.path_clearance,
         )
+
+    def _along(self, path: TimedPath, state: GuideState, scale: float, now: Situation) -> Array:
+        """States (N + 1, 3) along the path at a share of its speed, headings near the robot's.
+
+        A car that stands turns its wheels first.
+        """
+        place, leg, heading = state.place, state.leg, float(now.pose[2])
+        along = partial(self._kernels.along_path, path.timed)
+        later = self._ahead * scale
+        states = along(later, place, leg, heading, state.turning)
+        steering = 0.0
+        if now.speed * path.gear_at(max(place, leg)) <= STANDS:
+            steering = self._wheels.steering_time(now.curvature, states, self._dt)
+        state.steering = steering > self._dt
+        if state.steering:
+            states = along(np.maximum(later - steering, 0.0), place, leg, heading, state.turning)
+        return states
 
     def _evade(self, state: GuideState, now: Situation, moving: MovingObstacles) -> Array:
         """States (N + 1, 3) on an arc that makes room."""

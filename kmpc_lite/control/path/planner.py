@@ -118,6 +118,10 @@ class PathRequest:
     """How far the robot has turned on the spot just now [rad]: turning back costs as much."""
     gear_time: float = 0.0
     """What a change of the gear driven costs [s]."""
+    curvature: float = 0.0
+    """In which the wheels of a car stand [1/m] ..."""
+    gear: float = 0.0
+    """... and in which gear it drives: 1, -1, or 0 if it stands."""
     unit: float = 1.0
     """One unit of the solids' lengths [m]."""
 
@@ -160,6 +164,7 @@ class PathRequest:
             driven=driven,
             tried=tuple(route.in_metres(scale) for route in self.tried),
             gear_time=self.gear_time * scale.time,
+            curvature=self.curvature / length,
             unit=length * self.unit,
         )
 

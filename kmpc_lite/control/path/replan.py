@@ -12,7 +12,7 @@ from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.planner import NEAR_GOAL, Planner, same_solids
-from kmpc_lite.control.path.search_driver import SearchDriver
+from kmpc_lite.control.path.search_driver import STANDS, SearchDriver
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import GuideState
 from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
@@ -81,6 +81,7 @@ class Replanner:
         kernels: Kernels,
     ) -> None:
         self._options, self._dt = options, problem.dt
+        self._steers = not problem.wheels.turns_on_the_spot
         self._off_poses = OFF_POSES if follows_poses(problem) else 0.0
         self._watch = PathWatch(problem, options)
         moved = MOVED_DISTANCE
@@ -134,13 +135,15 @@ class Replanner:
         """Note how far it is; whether it is off its path, stands, or has had none for long."""
         if state.path is None:
             return state.age >= RETRY_INTERVAL
-        counts = not (state.turning or state.centre_moved)
+        counts = not (state.turning or state.centre_moved or state.steering)
         left = state.path.duration - state.place
         stands = state.progress.see(left, self._dt if counts else 0.0)
         if state.turning:
             return False
         if state.centre_moved:
             return True
+        if self._steers and left < self._dt + GRID_STEP and abs(now.speed) <= STANDS:
+            return True  # what is left to the side it cannot mend where it stands
         o, least = self._options, now.capabilities.tolerances.off_path
         least = max(least, self._off_poses)
         allowed = min(max(least, OFF_PATH_SHARE * now.distance), OFF_PATH_LIMIT)
@@ -150,7 +153,7 @@ class Replanner:
     def _settled(self, now: Situation) -> bool:
         """Whether nothing carries the robot nearer to its goal any more: it is far, or slow."""
         slow = SETTLED_SHARE * float(now.capabilities.forward[0])
-        return now.distance > NEAR_GOAL or now.speed <= slow
+        return now.distance > NEAR_GOAL or abs(now.speed) <= slow
 
     def _watch_progress(self, state: GuideState, now: Situation) -> bool:
         """Note the progress: whether there was none for too long; then something else is tried.

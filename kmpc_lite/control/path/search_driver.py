@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 GOAL_SLACK = 0.5
 """A path that begins near the goal may end beside it, by this share of the distance at which the
 last turn may begin: what is left to the side takes two turns."""
+STANDS = 0.01
+"""Speed below which a robot that follows poses stands [m/s]."""
 URGENT_PARTS = 60
 """Most parts of a search that the robot needs at once that are done in one step. Most searches end
 sooner; among very many obstacles the robot drives on as before, or stands, for a step more, which
@@ -119,6 +121,8 @@ class SearchDriver:
             tried=state.tried if same_goal else (),
             turned=state.turned,
             gear_time=0.0 if now.view is None else GEAR_TIME,
+            curvature=now.curvature,
+            gear=math.copysign(1.0, now.speed) if abs(now.speed) > STANDS else 0.0,
         )
         self._search(state, now, Search(request, same_goal, progress.is_stuck, lead))
 
@@ -183,7 +187,8 @@ class SearchDriver:
     def advance(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
-        parts = URGENT_PARTS if state.urgent else self._options.hurried_parts
+        waits = self._by_poses and abs(now.speed) <= STANDS
+        parts = URGENT_PARTS if state.urgent or waits else self._options.hurried_parts
         while (search := state.search) is not None:
             found = self._found(search)
             if (

@@ -47,7 +47,9 @@ class GuideTask(NamedTuple):
     view: View | None = None
     """What scans have shown: another path is looked for where that stands on the one driven."""
     speed: float = 0.0
-    """That was commanded last, in either direction [m/s]."""
+    """That was commanded last, below zero backwards [m/s]."""
+    curvature: float = 0.0
+    """In which the wheels of a car stand now [1/m]."""
 
 
 class Situation(NamedTuple):
@@ -78,7 +80,9 @@ class Situation(NamedTuple):
     view: View | None = None
     """What scans have shown; none without any."""
     speed: float = 0.0
-    """That was commanded last, in either direction [m/s]."""
+    """That was commanded last, below zero backwards [m/s]."""
+    curvature: float = 0.0
+    """In which the wheels of a car stand now [1/m]."""
 
     def met(self, waited: float) -> Array:
         """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
@@ -140,6 +144,7 @@ class Surveyor:
             until=task.until,
             view=task.view,
             speed=task.speed,
+            curvature=task.curvature,
         )
 
     def _lies_outside(self, goal: Array, tolerance: float) -> bool:

@@ -83,6 +83,8 @@ class GuideState:
     """(3,) where the robot began to turn on the spot, and its heading in the last step."""
     turned: float = 0.0
     """How far it has turned there [rad]."""
+    steering: bool = False
+    """Whether it stands until its wheels are turned."""
     yielding: bool = False
     """Whether the robot drives more slowly, or elsewhere, for something that moves."""
     yielded: float = 0.0

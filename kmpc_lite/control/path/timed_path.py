@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 GRID_STEP = 0.05
 """Time between neighbouring poses of a path, among which the robot's place is looked for [s]."""
+FINE_STEP = 0.01
+"""The same of a car's path [s]."""
+DECELERATION = 2.0
+"""With which a car's path brakes where it ends or its gear changes: motors may lag unknown to the
+model [m/s^2]."""
 GRID_POSES = 20_000
 """Most poses of one path: the path of a robot that hardly moves would need more than there is
 memory for."""
@@ -55,6 +60,11 @@ class TimedPath:
     ) -> None:
         self.clearance = path.clearance
         path = path.between_turns
+        gears = self._gears = path.gears
+        # what turns on the spot, or drives sideways, has other pieces
+        by_poses = path.times is not None and bool(gears[1:-1].all())
+        if by_poses:
+            deceleration = min(deceleration, DECELERATION)
         poses = path.poses.copy()
         first = float(wrap(poses[1, 2] - poses[0, 2]))
         skipped = min(free_turn, abs(first))
@@ -69,7 +79,6 @@ class TimedPath:
             needed = np.diff(path.times)
             needed[0] -= skipped / speed[1]  # left to the controller
         times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, INSTANT))])
-        gears = path.gears
         self.reverse = bool((gears < 0).sum() > (gears > 0).sum())
         """Whether most of it is driven backwards."""
         moved = np.flatnonzero(gears)
@@ -77,7 +86,7 @@ class TimedPath:
         self.duration = float(times[-1])
         self.drive_end = float(times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
-        step = max(GRID_STEP, self.duration / GRID_POSES)
+        step = max(FINE_STEP if by_poses else GRID_STEP, self.duration / GRID_POSES)
         braking = float(speed[0]) / deceleration
         self.timed = Timed(poses, times, times[changed], step, braking)
 
@@ -89,6 +98,11 @@ class TimedPath:
     def at(self, times: Array) -> Array:
         """Poses (n, 3) at times (n,) [s]; the ends are held."""
         return following.poses_at(self.timed, times)
+
+    def gear_at(self, time: float) -> int:
+        """Gear, 1 or -1, of what is driven after a time [s]."""
+        after = self.timed.times[1:] > time + INSTANT
+        return int(next(iter(self._gears[after & (self._gears != 0)]), 1))
 
     def share_at_goal(self, states: Array) -> float:
         """Share of the stages 1 to N of a reference (N + 1, 3) that have come to its goal."""

@@ -78,16 +78,16 @@ void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, re
     }
 }
 
-/* The time on the path of a robot that drives on from a place, braking at the end. */
-static real time_after(const struct kmpc_timed *path, real place, real later)
+/* The time on the path of a robot that drives on from a place, braking where its leg ends. */
+static real time_after(const struct kmpc_timed *path, real place, real leg, real later)
 {
-    const real drive_end = path->time[path->poses - 2], left = drive_end - place;
+    const real end = least_of(leg_end(path, leg), path->time[path->poses - 2]), left = end - place;
     const real half = R(0.5) * path->braking;
     if (left <= 0 || path->braking == 0) /* evenly */
         return place + later;
     const real root = M(sqrt)(least_of(left, half)), rate = 1 / M(sqrt)(2 * path->braking);
     const real slowed = later - most_of(left - half, 0), rest = most_of(root - rate * slowed, 0);
-    const real time = slowed <= 0 ? place + later : drive_end - rest * rest;
+    const real time = slowed <= 0 ? place + later : end - rest * rest;
     return time + most_of(slowed - root / rate, 0);
 }
 
@@ -99,7 +99,7 @@ void kmpc_along_path(const struct kmpc_timed *path, int count, const real *later
     kmpc_pose_at(path, place, here);
     const real turns = nearest_turn(heading - here[2]);
     for (int k = 0; k < count; k++, states += 3) {
-        real time = turning ? place + later[k] : time_after(path, place, later[k]);
+        real time = turning ? place + later[k] : time_after(path, place, leg, later[k]);
         if (!turning && place > drive_end - GOAL_STRETCH)
             time = least_of(time, drive_end);
         kmpc_pose_at(path, least_of(time, leg_ends), states);

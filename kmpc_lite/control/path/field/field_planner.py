@@ -86,7 +86,8 @@ class FieldPlanner:
         self._field = PlainField(request, self._radius)
         self._best: tuple[Piece, int] | None = None
         self._line: Line | None = None
-        self._ways = Ways(self._motions, self._clearance, self._radius, self._gear_price)
+        now = request.gear, request.curvature
+        self._ways = Ways(self._motions, self._clearance, self._radius, self._gear_price, now)
         self._begin_tree(0)
 
     def _begin_tree(self, attempt: int) -> None:

@@ -24,9 +24,6 @@ WIDER = 1.05
 steer back."""
 SLOW_STEERING = 0.2
 """How much wider they are of a car that drives a turning radius while it is steered to one side."""
-LEG = 3.0
-"""A leg between two changes of gear is driven in no less than the time of so many radii: what is
-driven in a hurry is driven badly."""
 CURVATURES = np.array((-1.0, -0.5, 0.0, 0.5, 1.0))
 """Of the arcs by which a car's tree grows, as shares of the largest one."""
 TURN_SHARE = 0.9
@@ -48,6 +45,13 @@ class Motions(Protocol):
         """Times (S,) in which S motions (S, 3) can be driven one after the other, and kept to."""
         ...
 
+    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
+        """What steering takes (...) beside the times of motions (..., S, 3), from a curvature now.
+
+        None if it is driven before them, nobody knows in which.
+        """
+        ...
+
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Twists (n, W, S, 3) and times (n, W, S) of W ways to each of the poses (n, 3).
 
@@ -66,8 +70,6 @@ class CarMotions:
             driven = float(request.forward[0]) * car.curvature**2 / car.steering_rate
             self._radius *= 1.0 + SLOW_STEERING * min(driven, 1.0)
         self._steering_rate = car.steering_rate
-        self._leg_time = LEG * float(np.hypot(*request.outline[0, :2]) + request.outline[0, 2])
-        self._leg_time /= float(request.forward[0])
         self._reverse = car.reverse and float(request.backward[0]) > 0.0
         self._speeds = {1.0: request.forward, -1.0: request.backward}
         gears = (1.0, -1.0) if self._reverse else (1.0,)
@@ -88,14 +90,34 @@ class CarMotions:
     def paced(self, twists: Array, times: Array) -> Array:
         """Times (S,) in which a car can drive motions (S, 3) one after the other, and keep to them.
 
-        It needs some time on each leg, however short, and for steering from arc to arc.
+        It needs time to steer from arc to arc; where its gear changes it steers standing.
         """
-        legs = np.concatenate([[0], np.cumsum(np.diff(np.sign(twists[:, 0])) != 0.0)])
-        lasts = np.bincount(legs, times)[legs]
-        out: Array = times * np.maximum(self._leg_time / lasts, 1.0)
-        if self._steering_rate is not None:
-            curvature = twists[:, 2] / twists[:, 0]
-            out = np.maximum(out, np.abs(np.diff(curvature, prepend=0.0)) / self._steering_rate)
+        if self._steering_rate is None:
+            return times
+        speed, turn_rate = twists[:, 0], twists[:, 2]
+        needed = np.abs(np.diff(turn_rate / speed)) / self._steering_rate
+        needed = np.where(speed[1:] * speed[:-1] > 0.0, needed, 0.0)
+        out: Array = times.copy()
+        out[1:] = np.maximum(times[1:], needed)
+        return out
+
+    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
+        """Standing where the gear changes or the way begins; on short arcs, beyond their times."""
+        out = np.zeros(times.shape[:-1])
+        if self._steering_rate is None:
+            return out
+        driven = (times > TINY) & np.isfinite(times)
+        speeds = np.where(driven, twists[..., 0], np.nan)
+        curvatures = twists[..., 2] / np.where(twists[..., 0] != 0.0, twists[..., 0], 1.0)
+        gear = np.full(out.shape, np.nan)
+        before = np.full(out.shape, np.nan if now is None else now)
+        for k in range(times.shape[-1]):
+            here, ahead = driven[..., k], speeds[..., k]
+            needed = np.abs(curvatures[..., k] - before) / self._steering_rate
+            rolls = gear * ahead > 0.0
+            needed = np.where(rolls, np.maximum(needed - times[..., k], 0.0), needed)
+            out += np.where(here & np.isfinite(before), needed, 0.0)
+            gear, before = np.where(here, ahead, gear), np.where(here, curvatures[..., k], before)
         return out
 
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
@@ -147,6 +169,10 @@ class OmniMotions:
         """Times (S,) in which motions (S, 3) are driven: as they are."""
         return times
 
+    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
+        """None."""
+        return np.zeros(times.shape[:-1])
+
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give three ways of two motions each."""
         seen = seen_from(start, ends)
@@ -180,6 +206,10 @@ class DifferentialMotions:
     def paced(self, twists: Array, times: Array) -> Array:
         """Times (S,) in which motions (S, 3) are driven: as they are."""
         return times
+
+    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
+        """None."""
+        return np.zeros(times.shape[:-1])
 
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give both ways of three motions."""

@@ -58,24 +58,38 @@ class Ways:
         Of its circles [m].
     gear_price : float
         What a change of gear costs [s].
+    now : tuple of float
+        Gear in which the robot drives, 0 if it stands, and curvature of its wheels [1/m].
     """
 
     def __init__(
-        self, motions: Motions, clearance: OutlineClearance, radius: float, gear_price: float
+        self,
+        motions: Motions,
+        clearance: OutlineClearance,
+        radius: float,
+        gear_price: float,
+        now: tuple[float, float],
     ) -> None:
+        self._now: tuple[float, float | None] = now
         self._motions, self._clearance = motions, clearance
         self._radius, self._gear_price = radius, gear_price
 
     def cheapest(
-        self, start: Array, ends: Array, costs: Array, gears: Array, most: float
+        self,
+        start: Array,
+        ends: Array,
+        costs: Array,
+        gears: Array,
+        most: float,
+        begins: bool = True,
     ) -> tuple[float, Piece, int] | None:
         """Give the cheapest way from a pose (3,) that costs less, by its end of n, if it is clear.
 
-        Ends (n, 3) cost so much more to the goal (n,), to which these gears (n,) lead.
+        Ends (n, 3) cost so much more to the goal (n,), to which these gears (n,) lead. `begins`:
+        whether the robot stands there now.
         """
         twists, times = self._motions.connect(start, ends)
-        changes = self._changes(twists, times, gears)
-        fixed = costs[:, None] + self._gear_price * changes
+        fixed = costs[:, None] + self._switching(twists, times, gears, begins)
         prices = fixed + times.sum(axis=-1)
         # of each end the best ones, and of these the cheapest
         each = np.argsort(prices, axis=1, kind="stable")[:, :WAYS]
@@ -93,14 +107,21 @@ class Ways:
             return None
         return float(total[best]), Piece(twists[best], times[best]), int(rows[best])
 
-    def _changes(self, twists: Array, times: Array, after: Array) -> Array:
-        """Changes of gear (n, W) on ways (n, W, S, 3) and into the gears that follow (n,)."""
+    def _switching(self, twists: Array, times: Array, after: Array, begins: bool) -> Array:
+        """What changes of gear, and steering, cost on ways (n, W, S, 3) (n, W) [s]."""
+        gear, curvature = self._now if begins else (0.0, None)
+        changes = self._gear_price * self._changes(twists, times, after, gear)
+        out: Array = changes + self._motions.steering_times(twists, times, curvature)
+        return out
+
+    def _changes(self, twists: Array, times: Array, after: Array, before: float) -> Array:
+        """Changes of gear (n, W) on ways (n, W, S, 3), from one before, into those after (n,)."""
         if not self._motions.gears.any():
             return np.zeros(times.shape[:-1])
         # a motion that takes no time has no gear: that of the one before goes on
         gears = np.sign(twists[..., 0]) * (times > TINY)
-        changes, gear = np.zeros(times.shape[:-1]), gears[..., 0]
-        for k in range(1, gears.shape[-1]):
+        changes, gear = np.zeros(times.shape[:-1]), np.full(times.shape[:-1], before)
+        for k in range(gears.shape[-1]):
             changes += gear * gears[..., k] < 0.0
             gear = np.where(gears[..., k] != 0.0, gears[..., k], gear)
         out: Array = changes + (gear * after[:, None] < 0.0)
@@ -128,12 +149,12 @@ class Ways:
         # what it costs as it is, since what follows may have become cheaper
         way, gear = line.ways[k], line.gears[following : following + 1]
         lasts = self._times_near(line.poses[k], way.twists[None], way.times[None])
-        changes = self._changes(way.twists[None, None], way.times[None, None], gear)
-        now = float(line.costs[following] + lasts[0] + self._gear_price * changes[0, 0])
+        switching = self._switching(way.twists[None, None], way.times[None, None], gear, k == 0)
+        now = float(line.costs[following] + lasts[0] + switching[0, 0])
         line.costs[k] = now = now if math.isfinite(now) else float(line.costs[k])
         after = slice(following, None)
         ends, costs, gears = line.poses[after], line.costs[after], line.gears[after]
-        found = self.cheapest(line.poses[k], ends, costs, gears, now - TINY)
+        found = self.cheapest(line.poses[k], ends, costs, gears, now - TINY, k == 0)
         if found is not None:
             line.costs[k], way, row = found
             following += row
