@@ -17,7 +17,7 @@ from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.mobility import check_motion, movable
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.observation import Admission, Observation
+from kmpc_lite.control.observation import Admission
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.pipeline import Pipeline
 from kmpc_lite.control.plan import Plan
@@ -204,7 +204,7 @@ class Controller:
         phases, state = self._pipeline, self._state
         seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
         phases.bring_forward(state, seen, self.known)
-        if refusal := self._learn(seen) or seen.refusal:
+        if refusal := self._learn() or seen.refusal:
             return phases.refuse(state, seen, self.known, refusal, clock)
         phases.estimate(state, seen, self.known)
         guidance = phases.guide(state, seen, self.known, clock)
@@ -269,16 +269,16 @@ class Controller:
             errors = self.known.margins.expected_errors
             errors.carry_over(self._state.innovation, before.expected_errors)
 
-    def _learn(self, seen: Observation) -> str:
+    def _learn(self) -> str:
         """Adapt to the past period; return why the model cannot be used, empty if it can."""
         if self.adaptation is None:
             return ""
-        before, scale = self._state.history.driven, self.scale
-        if before is not None:
+        scale, before = self.scale, self._state.history.driven
+        if before is not None and (now := self._state.history.measured) is not None:
             model = self.adaptation.update(
                 before.pose * scale.state,
                 before.command * scale.command,
-                seen.pose * scale.state,
+                now * scale.state,
                 before.earlier * scale.command,
             )
             if model is not None:

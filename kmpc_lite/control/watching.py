@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.innovation import Innovation
+from kmpc_lite.control.estimate.pose_filter import PoseEstimate, estimate
 from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.knowledge import Knowledge
@@ -13,6 +14,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
 
 
 class Watching:
@@ -69,6 +71,7 @@ class Watching:
             self._look_out(state, seen)
         found, size = state.innovation, known.margins.noise.pose_errors
         instead = self._innovation.see(found, state.history, known.model, size, pose)
+        found.estimate = self._estimate(state, known, pose) if instead is None else None
         if instead is not None:
             state.circles.pose_jumped()
             seen.pose = instead
@@ -77,12 +80,29 @@ class Watching:
         if found.elsewhere:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
             state.seen, state.scans, state.circles = None, None, TrackedCircles()
+        if found.estimate is not None:
+            seen.correct(found.estimate.pose)
         measured = seen.measured if seen.pose_is_known else None
         driven = abs(float(state.history.command[0])) * self._dt
         around = self._tracking.see(
             state.circles, seen.things, seen.scans, measured, state.seen, size[0], driven
         )
         seen.things, seen.scanned, seen.perhaps = around.things, around.walking, around.perhaps
+
+    def _estimate(
+        self, state: ControllerState, known: Knowledge, pose: Array | None
+    ) -> PoseEstimate | None:
+        """Weigh the measured pose (3,) and the predicted one; none without a pose.
+
+        None either where poses are measured better than any period can be predicted.
+        """
+        if pose is None or known.margins is None:
+            return None
+        moved, measured = known.margins.noise.of_pose(state.innovation)
+        if (measured.diagonal() <= moved.diagonal()).all():
+            return None
+        last, period = state.innovation.estimate, state.history.driven
+        return estimate(last, period, known.model, moved, measured, pose)
 
     def _look_out(self, state: ControllerState, seen: Observation) -> None:
         """Leave out scans that come again; refuse to drive blind."""
@@ -105,6 +125,8 @@ class Watching:
         if not seen.scans and state.seen is None:
             return
         noise = 0.0 if known.margins is None else known.margins.pose_deviation
+        if noise and state.innovation.estimate is not None:
+            noise = state.innovation.estimate.deviation
         moving = seen.things[seen.things[:, VELOCITY].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:

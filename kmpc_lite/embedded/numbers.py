@@ -274,7 +274,7 @@ def _margins(controller: Controller) -> dict[str, Any]:
         "heading_errors": felt.heading_errors,
         "command_noise": felt.command,
         "step_quantile": margins.noise.step_quantile,
-        "pose_error": margins.pose_error,
+        "pose_error": margins.calm.pose_error,
     }
 
 

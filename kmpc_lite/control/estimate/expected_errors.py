@@ -91,6 +91,12 @@ class ExpectedErrors:
         self._whole = sum(by_v + at_v for _, at_v, by_v, _ in self._by_command[:2])
         self._whole += 2.0 * by_distance
 
+    def own(self, v: float, omega: float) -> tuple[float, float]:
+        """Variances of the position, each way, and of the heading that every model may err by."""
+        turn = TOLERATED_TURN_SHARE * self._dt * omega
+        step = TOLERATED_STEP_SHARE * self._dt * v
+        return self._step**2 + step**2, TOLERATED_TURN**2 + turn**2
+
     def inflation(self, state: InnovationState) -> float:
         """Return the factor of the noise's standard deviation, at least 1."""
         return float(max(1.0, state.level - CALM + 1.0) ** 0.5)
@@ -141,11 +147,11 @@ class ExpectedErrors:
         (x, y, turned), (v, omega) = error.tolist(), command.tolist()
         ahead, left = cos * x + sin * y, cos * y - sin * x
         turned = math.remainder(turned, math.tau)
-        own = self._step**2 + (TOLERATED_STEP_SHARE * self._dt * v) ** 2
+        own, turn = self.own(v, omega)
         xx, yy, xy, hh = (
             m + v * v * (s + a) + omega * omega * b for m, s, a, b in self._by_command
         )
-        hh += TOLERATED_TURN**2 + (TOLERATED_TURN_SHARE * self._dt * omega) ** 2
+        hh += turn
         square = max(_mahalanobis(ahead, left, xx + own, yy + own, xy), turned * turned / hh)
         change = min(square, LARGEST) - state.level
         state.level += (self._attack if change > 0.0 else self._release) * change

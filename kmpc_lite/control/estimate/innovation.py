@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.control.estimate.history import CommandHistory
+from kmpc_lite.control.estimate.pose_filter import PoseEstimate
 from kmpc_lite.control.options import PoseOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
@@ -63,6 +64,8 @@ class InnovationState:
     """Whether in this step a doubt has ended otherwise than by a pose that came back."""
     pace: tuple[float, float] = NOTHING
     """Fastest commands of late, v and omega."""
+    estimate: PoseEstimate | None = None
+    """Where the robot is, from measured and predicted poses; none while a pose is doubted."""
 
 
 class Innovation:

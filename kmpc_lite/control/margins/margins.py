@@ -71,10 +71,6 @@ class Margins:
         From the sides of the area, and beyond which obstacles are far [m].
     pose_deviation : float
         Standard deviation of a measured position, at full speed [m].
-    pose_error : float
-        Quantile of how far a measured pose is off [m]: only what a clearance has beyond it is sure.
-        Near an obstacle every step may use up a share of its clearance; with one that is not sure,
-        many steps would end in the obstacle.
     calm : FeltNoise
         As long as innovations are what the model expects.
 
@@ -127,15 +123,23 @@ class Margins:
         self._pose = factor(noise.tube.pose)
         by_speed = noise.tube.pose_by_speed
         self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING
-        variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
-        self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
+        self._pose_error = self._pose_error_of(noise.tube.pose_deviation[0] ** 2)
         self.calm = self._felt(1.0, False)
 
     def felt(self, state: InnovationState) -> FeltNoise:
         """Work out the noise as past innovations inflate it."""
         errors = self.noise.expected_errors
         inflation, unknown = errors.inflation(state), errors.is_unknown_floor(state)
-        return self._felt(inflation, unknown) if unknown or inflation != 1.0 else self.calm
+        felt = self._felt(inflation, unknown) if unknown or inflation != 1.0 else self.calm
+        if state.estimate is None:
+            return felt
+        pose, none = state.estimate.in_robot, NOTHING
+        tube = felt.tube._replace(pose=factor(pose), pose_by_speed=none)
+        error = self._pose_error_of(0.5 * float(pose[0, 0] + pose[1, 1]))
+        return felt._replace(tube=tube, pose_error=error)
+
+    def _pose_error_of(self, variance: float) -> float:
+        return self.noise.quantile * math.sqrt(max(variance - FLOOR**2, 0.0))
 
     def _felt(self, inflation: float, unknown_floor: bool) -> FeltNoise:
         noise, found = self.noise, self.noise.inflated(inflation, unknown_floor)
@@ -159,6 +163,7 @@ class Margins:
             position_errors=np.array(trace(command) + trace(lasting)),
             heading_errors=np.concatenate([command[:, HEADING], lasting[:, HEADING]]),
             command_errs=found.spreads or unknown_floor,
+            pose_error=self._pose_error,
         )
 
     def of_plan(

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
@@ -32,6 +33,8 @@ whose pose jumps would ask for nonsense."""
 ADAPTED_SHARE = 0.1
 """Share of the risk of a single command that is taken with an adapted model: it knows its floor
 from a few seconds only."""
+ADDS_UP = 9.0
+"""Periods for which an error that lasts adds up until measured poses have told it."""
 HEADING = 8
 """Place of the heading's variance in a covariance (9,)."""
 UNKNOWN_FLOOR_SLIP = 0.35
@@ -69,6 +72,10 @@ class FeltNoise(NamedTuple):
     """... and of the heading [rad^2], as `kernels.stop_errors` takes them."""
     command_errs: bool
     """Whether there is any noise in the coming period."""
+    pose_error: float
+    """Quantile of how far the pose is off [m]: only what a clearance has beyond it is sure. Near an
+    obstacle every step may use up a share of its clearance; with one that is not sure, many steps
+    would end in the obstacle."""
 
 
 class ModelNoise:
@@ -143,6 +150,20 @@ class ModelNoise:
             self.step_quantile * math.sqrt(max(position, 0.0)),
             self.step_quantile * math.sqrt(max(heading, 0.0)),
         )
+
+    def of_pose(self, state: InnovationState) -> tuple[Array, Array]:
+        """Covariances (3, 3) of a period's motion and of a measured pose, in the robot's frame.
+
+        Of the fastest commands of late: a robot that lags still drives. Errors that last add up.
+        """
+        v, omega = state.pace
+        errors, tube = self.expected_errors, self.tube
+        found = self.inflated(errors.inflation(state), errors.is_unknown_floor(state))
+        moved = found.command + ADDS_UP * found.lasting
+        moved = (v * v * moved[0] + omega * omega * moved[1]).reshape(STATES, STATES)
+        own, turn = errors.own(v, omega)
+        moved += np.diag([own, own, turn])
+        return moved, 0.5 * tube.poses * (tube.pose + v * v * tube.pose_by_speed)
 
     def inflated(self, inflation: float, unknown_floor: bool) -> InflatedNoise:
         """Scale the noise; inflated noise gets the errors that every model may have added to it."""

@@ -227,7 +227,7 @@ class SafeMotions:
         ends = count * (kernel.lengths(commands) + task.model.history)
         # of most motions this is enough to know
         travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
-        error = margins.most_of_commands(felt, commands[:, 0]) + margins.pose_error
+        error = margins.most_of_commands(felt, commands[:, 0]) + felt.pose_error
         chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
         lost = chord * chord / (8.0 * self._unit)
         sure = self._kernels.surely_clear(clearance, needed, error, travel, ends, lost)
@@ -243,7 +243,7 @@ class SafeMotions:
         return self._kernels.admissible(
             clearance,
             standing,
-            self._options.spend_share * np.maximum(standing - margins.pose_error, 0.0),
+            self._options.spend_share * np.maximum(standing - felt.pose_error, 0.0),
             needed,
             np.hypot(*np.moveaxis(places - begin, -1, 0)),
             np.where(motions.free[:, None, None], -TURN_ALLOWANCE * radius, errors),
@@ -251,5 +251,5 @@ class SafeMotions:
             motions.strict,
             ends,
             count,
-            margins.pose_error,
+            felt.pose_error,
         )

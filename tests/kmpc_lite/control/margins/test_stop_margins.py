@@ -48,7 +48,7 @@ def test_many_steps_with_noisy_poses_do_not_end_in_the_obstacle():
     wary, random = Wary(model, PROBLEM), np.random.default_rng(4)
     left = {}
     for name, error in (("as measured", 0.0), ("sure", wary.quantile * noise)):
-        wary.of.pose_error = error
+        wary.of.calm = wary.of.calm._replace(pose_error=error)
         ends = []
         for _ in range(16):
             x = 1.0 - 0.35 - 0.05
@@ -69,7 +69,7 @@ def test_what_is_sure_of_a_pose_comes_from_its_noise():
         blurred = dataclasses.replace(model, noise_model=NoiseModel(residuals.copy()))
         wary = Wary(blurred, PROBLEM)
         expected = pytest.approx(wary.quantile * noise, rel=1e-2)
-        assert wary.of.pose_error == expected
+        assert wary.felt.pose_error == expected
 
 
 def test_a_robot_that_does_not_know_its_floor_is_wary_of_each_command():

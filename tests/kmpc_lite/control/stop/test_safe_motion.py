@@ -54,7 +54,7 @@ def find(
     states = model.rollout(np.zeros(3), inputs, past)
     margins = Margins(model, problem)
     if pose_error is not None:
-        margins.pose_error = pose_error
+        margins.calm = margins.calm._replace(pose_error=pose_error)
     task = Task(model, past, last, around, margins, margins.calm)
     return SafeMotions(problem, StopOptions(**options)).find(states, inputs, task)
 
