@@ -138,7 +138,7 @@ def summarize_fit(
     speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
     rows = np.array(model.info["selection"]["rows"])
     log = train if whole is None else whole
-    shown = find_coverage([e.inputs for e in log.episodes], log.dt)
+    shown = find_coverage([e.inputs for e in log.episodes], log.dt, steered=log.steered)
     limits = largest_speeds(train)
     smoothing = 0.05 * limits[0], 0.05 * limits[1]
     straight, tight = (

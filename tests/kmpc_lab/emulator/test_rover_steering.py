@@ -114,11 +114,14 @@ def recorded(seconds: float = 120.0) -> str:
     return "\n".join(rows)
 
 
-def test_its_log_is_a_cars_and_what_is_learned_of_it_drives_through_a_door(tmp_path) -> None:
+def test_its_log_is_a_cars_and_what_is_learned_of_it_drives_through_a_door(
+    tmp_path, capsys
+) -> None:
     # a log of turn rates shows a slow ramp that is its speed's, and such a model turns too late
     log, model = tmp_path / "log.csv", tmp_path / "learned.npz"
     log.write_text(recorded())
     assert main(["fit", str(log), "-o", str(model)]) == 0
+    assert "on the spot" not in capsys.readouterr().out
     learned = kl.KoopmanModel.load(model)
     assert "ramps" not in learned.info
     door = replace(Scenario.load("walls_door"), wheels=kl.Car(RADIUS))
