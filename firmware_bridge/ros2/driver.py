@@ -73,10 +73,7 @@ class Ros2Driver:
         """
         self.node.open()
         self.node.wait(timeout)
-        name = self.options.topics["cmd_vel"][0]
-        kind = TWIST_STAMPED if self.options.stamped else TWIST
-        kind = ACKERMANN_STAMPED if self.options.wheels.wheelbase else kind
-        self._commands = self.node.publisher(name, kind, COMMANDS)
+        self._commands = self.node.publisher(*self.commanded, COMMANDS)
         self.subscriptions = [
             (self.node.subscription(source.name, source.kind, source.qos), source)
             for source in self.inputs.sources()
@@ -144,6 +141,13 @@ class Ros2Driver:
             if source.qos.transient_local and source.slow and (lost or source.name in missing):
                 self._malformed[source.name] = subscription.malformed
                 subscription.ask_again()
+
+    @property
+    def commanded(self) -> tuple[str, str]:
+        """Name and type of the topic of its commands."""
+        kind = TWIST_STAMPED if self.options.stamped else TWIST
+        kind = ACKERMANN_STAMPED if self.options.wheels.wheelbase else kind
+        return self.options.topics["cmd_vel"][0], kind
 
     @property
     def published(self) -> int:

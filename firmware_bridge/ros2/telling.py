@@ -10,7 +10,7 @@ from typing import Any
 from firmware_bridge.messages import State
 from firmware_bridge.ros2.driver import Ros2Driver
 from firmware_bridge.ros2.message_types import DIAGNOSTICS, MARKERS, PATH
-from firmware_bridge.ros2.names import PUBLISHER, Qos, Seen
+from firmware_bridge.ros2.names import PUBLISHER, SUBSCRIPTION, Qos, Seen
 from firmware_bridge.ros2.navigator import GoalNavigator
 from firmware_bridge.ros2.node import Publisher
 from firmware_bridge.ros2.outputs import ERROR, OK, WARN
@@ -129,24 +129,28 @@ class Telling:
             count += 1
 
     def _look(self) -> None:
-        """See whether our topics are published with another type than ours."""
-        wanted = {source.name: source.kind for source in self._driver.inputs.sources()}
+        """See whether others publish, or hear, one of our topics with another type than ours."""
+        sources = self._driver.inputs.sources()
+        wanted = {(PUBLISHER, source.name): source.kind for source in sources}
+        name, kind = self._driver.commanded
+        wanted[SUBSCRIPTION, name] = kind
         try:
-            seen = [s for s in self._driver.node.seen() if s.entity == PUBLISHER]
+            seen = self._driver.node.seen()
         except Exception as error:  # a network that goes away is no reason to end
             self.last_error = f"{type(error).__name__}: {error}"
             return
         self._others = tuple(sorted({self._differs(s, wanted) for s in seen} - {""}))[:4]
 
-    def _differs(self, seen: Seen, wanted: dict[str, str]) -> str:
-        """What is wrong with how another node publishes one of our topics."""
-        kind = wanted.get(seen.topic)
+    def _differs(self, seen: Seen, wanted: dict[tuple[str, str], str]) -> str:
+        """What is wrong with how another node publishes, or hears, one of our topics."""
+        kind = wanted.get((seen.entity, seen.topic))
         if kind is None:
             return ""
+        how = "published" if seen.entity == PUBLISHER else "heard"
         if seen.kind != kind:
-            return f"{seen.topic} is published as {seen.kind}, expected {kind}"
+            return f"{seen.topic} is {how} as {seen.kind}, expected {kind}"
         if seen.type_hash != self._driver.node.types.type_hash(kind):
-            return f"{seen.topic} is published by another distribution of ROS: see --distro"
+            return f"{seen.topic} is {how} by another distribution of ROS: see --distro"
         return ""
 
 

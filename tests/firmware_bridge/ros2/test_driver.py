@@ -104,6 +104,14 @@ def test_a_car_is_driven_by_steering_angles_or_by_turn_rates(wheels: Wheels) -> 
         assert rig.clearance > 0.0 and rig.emulator.commands > 100
 
 
+def test_a_car_that_listens_to_another_type_of_commands_is_told() -> None:
+    course = short_course(wheels=kl.Car(0.5))
+    with TopicRig(course, EmulatedRobot(sees=("map",)), wheels=STEERED) as rig:
+        telling = Telling(rig.driver, rig.navigator, rig.loop, 0.1, lambda: rig.now)
+        told = f"/cmd_vel is heard as {TWIST}, expected {ACKERMANN_STAMPED}"
+        assert until(lambda: telling._look() or told in telling.warnings())
+
+
 def test_an_omni_is_driven_sideways_and_its_odometry_tells_so() -> None:
     course = short_course(wheels=kl.Omni(), goal=(0.3, 0.8, 0.0), circles=())
     with TopicRig(course, EmulatedRobot(sees=("map",)), wheels=Wheels("omni")) as rig:
