@@ -14,7 +14,7 @@ from kmpc_lite.control.estimate.history import CommandHistory, whole_age
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.kernels import choose_kernels
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
-from kmpc_lite.control.mobility import check_motion, movable
+from kmpc_lite.control.mobility import check_motion, following, movable
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.observation import Admission
@@ -37,9 +37,8 @@ class Controller:
     Parameters
     ----------
     model : KoopmanModel
-        Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's. Where its log shows
-        ramps by which the robot changes its speeds, or no faster changes, these limit `du_max`
-        and `deceleration`.
+        Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's. Ramps that its log
+        shows limit `du_max` and `deceleration`; one that was not learned takes these for its ramps.
     problem : NavigationProblem, optional
         The paper's if not given.
     guidance : bool or GuidanceOptions
@@ -51,9 +50,9 @@ class Controller:
     risk : float, optional
         Probability that the margins are made for; `MarginOptions.risk` if not given.
     adaptation : bool or OnlineAdaptation, optional
-        Whether to correct the model while driving. If not given, it runs where there are learned
-        margins, the model is continuous, and its log shows no delay that it does not know.
-        `adaptation.model` is the corrected model. An `OnlineAdaptation` must be made for `model`.
+        Whether to correct the model while driving; if not given, if there are learned margins, the
+        model is continuous, and its log shows no delay that it does not know. `adaptation.model`
+        is the corrected model. An `OnlineAdaptation` must be made for `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile,
         as it is by how late the robot answers where the log shows more than the model.
@@ -143,9 +142,10 @@ class Controller:
         self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
         asked = adaptation, tightening is not None, scale, options.adaptation
-        self.adaptation = settings_of.choose_adaptation(model, *asked)
+        learns, model = settings_of.choose_adaptation(model, *asked), following(model, problem)
+        self.adaptation = settings_of.adaptation_of(learns, model)
         self.units = units = problem_in_units(problem, model, bool(guidance))
-        self._pose_age = whole_age(pose_age, model) / scale.time
+        self._pose_age = age = whole_age(pose_age, model) / scale.time
         tightens, guides = tightening is not None, bool(guidance)
         self._examiner = Examiner(units, scale, options, tightens, guides, kernels)
         self._sqp = SQP(
@@ -162,7 +162,6 @@ class Controller:
         )
         settings_of.check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         guide = make_guide(units, options, clock, planner, scale, kernels) if guidance else None
-        age = self._pose_age
         self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age, kernels)
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model
@@ -254,6 +253,7 @@ class Controller:
         ProblemError
             For another period, or another length of input history.
         """
+        model = following(model, self.problem)
         settings_of.check_replacement(model, self.model, self.problem)
         check_motion(model, self.problem)
         self._learned = self._state.base_model = model

@@ -77,7 +77,10 @@ class Guiding:
             things = later(things, late * self._dt)
         rest = None
         if self._rates.active:
-            rest = self._rates.pose_at_rest(here, state.history.command)
+            history = state.history
+            still = np.zeros((known.model.history, known.model.inputs))
+            braking = np.concatenate([self._rates.ramp(history.command), still])
+            rest = known.model.rollout(seen.here, braking, history.commands)[-1]
         task = GuideTask(
             pose=here,
             goal=seen.goal,

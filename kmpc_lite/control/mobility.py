@@ -1,15 +1,21 @@
-"""Whether a robot can move at all, by its limits and its model: asked when a controller is made."""
+"""What limits and a model say of each other when a controller is made.
+
+Ramps of the one limit the other, and a robot that could not move at all is refused.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.dictionary import ResponseDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
-from kmpc_lite.types import STATES, Array
+from kmpc_lite.types import INPUTS, STATES, Array
 
 SLOWEST = 300.0
 """A robot needs at most this long for a way of its radius, or for a turn of half a radian [s]."""
@@ -20,6 +26,8 @@ STARTED = 0.1
 """... this share of its fastest speed and turn rate at the least."""
 FOLLOWED = 0.01
 """Share of its fastest commands that a model must let the robot follow at the least."""
+PROMPT = 0.05
+"""Share of a period by which a robot may answer late and still count as one that does at once."""
 AXES = (("speed", "m/s"), ("turn rate", "rad/s"))
 
 
@@ -55,6 +63,23 @@ def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProble
     _check_sight(problem)
     check_motion(model, problem)
     return problem
+
+
+def following(model: KoopmanModel, problem: NavigationProblem) -> KoopmanModel:
+    """Return a model of a robot that takes the time which its limits say to follow a command.
+
+    What changes by a ramp within a period has on average only half changed during it; a limit that
+    is a share of what the robot brakes with costs that share of it. A learned model has seen how
+    its robot follows, and stays as it is.
+    """
+    if model.noise_model is not None or model.history or model.inputs > INPUTS:
+        return model
+    change = np.where(np.isfinite(problem.du_max), problem.du_max, 0.0)
+    late = 0.5 * change / np.maximum(change, problem.deceleration)
+    if late.max() < PROMPT or not problem.wheels.turns_on_the_spot:
+        return model
+    speed, turn = ((1.0 - share, share) for share in late.tolist())
+    return replace(model, dictionary=ResponseDictionary(model.dictionary, speed, turn))
 
 
 def check_motion(model: KoopmanModel, problem: NavigationProblem) -> None:

@@ -14,8 +14,6 @@ ROUNDING = 1.0 + 1e-9
 
 LONGEST_RAMP = 10.0
 """Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
-UNLIMITED = 1e6
-"""Largest change of a command in a period that is reckoned with: more than any speed [m/s]."""
 LITTLE = 1e-9
 """Rounding error of a count of periods."""
 
@@ -43,7 +41,7 @@ class RateLimit:
     def __init__(self, problem: NavigationProblem) -> None:
         self.active = problem.limits_changes
         self._within = problem.wheels.within
-        self._dt, self.faster = problem.dt, problem.dt * problem.du_max
+        self.faster = problem.dt * problem.du_max
         self.slower = problem.dt * np.maximum(problem.du_max, problem.deceleration)
         self.ramp_step: Array = np.asarray(problem.deceleration) * problem.dt
         self.longest_ramp = max(round(LONGEST_RAMP / problem.dt), 1)
@@ -94,16 +92,3 @@ class RateLimit:
         shares[-1] = 0.0
         commands: Array = shares[:, None] * command
         return commands
-
-    def pose_at_rest(self, pose: Array, last: Array) -> Array:
-        """Pose (3,) at which a robot stands that brakes at `du_max` from the last command (2,)."""
-        step = np.minimum(self.faster, UNLIMITED)
-        periods = np.floor(np.abs(last) / step)
-        shrinking = 0.5 * np.copysign(step, last) * (periods + 1.0)
-        ahead, *aside, turn = (self._dt * periods * (last - shrinking)).tolist()
-        heading = float(pose[2]) + 0.5 * turn
-        cos, sin = math.cos(heading), math.sin(heading)
-        x, y = pose[0] + ahead * cos, pose[1] + ahead * sin
-        for left in aside:
-            x, y = x - left * sin, y + left * cos
-        return np.array([x, y, pose[2] + turn])

@@ -95,8 +95,7 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
     """Numbers of `struct kmpc_numbers`, by their names there."""
     units, scale, options = controller.units, controller.scale, controller.options
     qp, keep_out, rates = sqp.qp, sqp.fill.keep_out, RateLimit(units)
-    motions = SafeMotions(units, options.stop)
-    checks = Verification(units, options.step, motions)
+    checks = Verification(units, options.step, motions := SafeMotions(units, options.stop))
     return {
         "dt": units.dt,
         "state": scale.state,
@@ -114,6 +113,7 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "slack_dual": -float(units.slack_weights[0]) / SLACK_SCALE,
         "limits_changes": int(rates.active),
         "change": rates.faster,
+        "change_scale": qp.change_scale,
         "brake": rates.slower,
         "ramp_step": rates.ramp_step,
         "longest_ramp": rates.longest_ramp,

@@ -27,6 +27,10 @@ LOST, LOST_TURN = 10 / 3, 1.0
 HALF_PLANE_SCALE, SLACK_SCALE = 4.0, 8.0
 """Factors of the rows of half-planes, and of those that keep slacks from being negative: their
 multipliers are large, and settle in fewer iterations of ADMM if they are scaled down."""
+CHANGE, MOST_CHANGE_SCALE = 0.2, 16.0
+"""Rows that limit changes are scaled so that the largest one is this [m/s, rad/s], if it is less,
+and by no more than this: a plan ends at speeds that few small changes add up to, and ADMM finds
+these in fewer iterations if they count more."""
 
 
 class QPCost:
@@ -92,6 +96,8 @@ class NavigationQP:
     ----------
     numbers : Numbers
         What a pass writes.
+    change_scale : ndarray
+        Factors (2,) of the rows that limit changes.
     next_stage : ndarray
         (m,) the row that each row is a period later.
     lost, fastest : float
@@ -111,6 +117,9 @@ class NavigationQP:
         self.slack_columns = (STATES + self.inputs) * n + np.arange(n)
         self.size = (STATES + self.inputs + 1) * n
         self._limited = np.flatnonzero(np.isfinite(problem.du_max))
+        change = problem.dt * problem.du_max
+        self.change_scale = np.clip(CHANGE / change, 1.0, MOST_CHANGE_SCALE)
+        self._change = (self.change_scale * change)[self._limited]
         wheels = 2 if problem.limits_wheels else 0
         steering = 2 if isinstance(problem.wheels, Car) else 0
         counts = STATES, slots, self.inputs, 1, len(self._limited), wheels, steering
@@ -124,15 +133,8 @@ class NavigationQP:
         self.steering_rows = np.arange(rows[6], rows[7]).reshape(n, steering)
         self.row_count = int(rows[7])
         self.next_stage = np.empty(self.row_count, dtype=np.intp)
-        for part in (
-            self.dynamics_rows,
-            self.half_plane_rows,
-            self.input_rows,
-            self.slack_rows,
-            self.change_rows,
-            self.wheel_rows,
-            self.steering_rows,
-        ):
+        parts = self.dynamics_rows, self.half_plane_rows, self.input_rows, self.slack_rows
+        for part in (*parts, self.change_rows, self.wheel_rows, self.steering_rows):
             self.next_stage[part] = np.concatenate([part[1:], part[-1:]])
         places = self._build_constraints()
         self.cost = QPCost(problem)
@@ -154,7 +156,6 @@ class NavigationQP:
             scale=HALF_PLANE_SCALE,
             open_bound=OPEN,
         )
-        self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
         wheel_speed = problem.max_wheel_speed
         self.lower[self.wheel_rows], self.upper[self.wheel_rows] = -wheel_speed, wheel_speed
@@ -185,8 +186,9 @@ class NavigationQP:
         end = block(self.half_plane_rows, self.slack_columns[:, None], HALF_PLANE_SCALE)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, SLACK_SCALE)
-        block(self.change_rows, inputs[:, self._limited], 1.0)
-        block(self.change_rows[1:], inputs[:-1, self._limited], -1.0)
+        scale = self.change_scale[self._limited]
+        block(self.change_rows, inputs[:, self._limited], scale)
+        block(self.change_rows[1:], inputs[:-1, self._limited], -scale)
         if self.problem.limits_wheels:
             half = 0.5 * self.problem.track
             both = np.array(((1.0, -half), (1.0, half)))
@@ -207,7 +209,7 @@ class NavigationQP:
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
-        last = command[self._limited]
+        last = (self.change_scale * command)[self._limited]
         self.lower[self.change_rows[0]] = last - self._change
         self.upper[self.change_rows[0]] = last + self._change
 

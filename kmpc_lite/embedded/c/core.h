@@ -17,7 +17,7 @@ struct kmpc_numbers {
     real pull[9], pull_terminal[9], slack_dual;
     /* limits of changes */
     int limits_changes;
-    real change[2], brake[2], ramp_step[2];
+    real change[2], change_scale[2], brake[2], ramp_step[2];
     int longest_ramp, further;
     /* passes */
     int most_passes;

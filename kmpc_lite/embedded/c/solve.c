@@ -208,8 +208,8 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmp
     if (K.limits_changes)
         for (int i = 0, row = KMPC_CHANGE_ROW; i < 2; i++)
             if (K.change[i] < INFINITE) {
-                lower[row] = last[i] - K.change[i];
-                upper[row++] = last[i] + K.change[i];
+                lower[row] = K.change_scale[i] * (last[i] - K.change[i]);
+                upper[row++] = K.change_scale[i] * (last[i] + K.change[i]);
             }
     memset(result, 0, sizeof(*result));
     result->reason = "";

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab import DifferentialDrive
+from kmpc_lab import DifferentialDrive, generate_dataset
 from kmpc_lite.control.plan import GoalProgress, Plan
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.ramps import Ramps
@@ -106,3 +106,26 @@ def test_a_slow_robot_drives() -> None:
         plan = controller.step(pose, GOAL)
         assert plan.progress is GoalProgress.DRIVING, plan.reason
         pose = robot.step(pose, plan.command, 0.1)
+
+
+@pytest.mark.parametrize("braking, late", [(1.0, 0.5), (4.0, 0.125)])
+def test_limits_that_are_given_are_ramps_of_a_model_that_was_not_learned(
+    braking: float, late: float
+) -> None:
+    limits = {"du_max": (1.0, np.inf), "deceleration": (braking, 4.0)}
+    controller = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(**limits))
+    still, turning = np.zeros((1, 2)), np.array((0.1, 0.5))
+    ahead, _, turned = controller.model.predict(np.zeros(3), turning, still)
+    assert ahead == pytest.approx(0.01 * (1.0 - late), rel=1e-3) and turned == pytest.approx(0.05)
+    # a steady speed is what it was, and another model of the same kind can take its place
+    steady = controller.model.predict(np.zeros(3), (0.5, 0.0), [(0.5, 0.0)])
+    assert steady[0] == pytest.approx(0.05)
+    controller.update_model(kl.nominal_unicycle(0.1))
+    assert controller.model.history == 1
+
+
+def test_a_learned_model_keeps_what_its_log_says_of_limits() -> None:
+    data = generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0)
+    model = kl.fit(data)
+    problem = kl.NavigationProblem(du_max=(1.0, 4.0), deceleration=(1.0, 4.0))
+    assert kl.Controller(model, problem).model is model

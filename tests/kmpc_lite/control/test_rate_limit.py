@@ -96,10 +96,10 @@ def test_plans_keep_to_the_limits_in_all_stages_and_to_the_model(
         changes = np.abs(np.diff(np.vstack([before, plan.inputs]), axis=0))
         # the rows of the QP are kept to OSQP's tolerance
         assert (changes <= DT * np.maximum(problem.du_max, problem.deceleration) + 0.02).all()
-        np.testing.assert_allclose(
-            MODEL.predict(plan.states[0], plan.inputs[0]), plan.states[1], atol=0.02
-        )
-        before, x = plan.command, MODEL.predict(x, plan.command)
+        model = controller.model
+        next_state = model.predict(plan.states[0], plan.command, before[None][: model.history])
+        np.testing.assert_allclose(next_state, plan.states[1], atol=0.02)
+        before, x = plan.command, next_state
         fastest = max(fastest, float(plan.command[0]))
     assert fastest > 0.5
 
@@ -162,17 +162,3 @@ def test_ramp_ends_at_zero_within_the_limits_on_the_curve(
     if len(commands) < longest:
         # no faster than either limit allows
         assert (np.abs(np.diff(all_of_them, axis=0)) <= limits * (1 + 1e-6) + 1e-9).all()
-
-
-def test_the_pose_at_rest_is_that_of_braking_period_by_period() -> None:
-    rates, command, x = (
-        RateLimit(WEAK),
-        np.array([0.33, 0.0]),
-        np.array([0.1, 0.2, 0.5]),
-    )
-    expected = rates.pose_at_rest(x, command)
-    while command[0] > 0.0:
-        command = np.maximum(command - DT * WEAK.du_max, 0.0)
-        x = MODEL.predict(x, command)
-    np.testing.assert_allclose(expected, x, atol=1e-9)
-    np.testing.assert_allclose(RateLimit(ONE).pose_at_rest(x, np.array([0.6, 0.0])), x)

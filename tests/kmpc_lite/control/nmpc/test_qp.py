@@ -271,12 +271,9 @@ def test_changes_of_commands_are_rows_where_they_are_limited(du_max: tuple[float
         before = u[k - 1] if k else last
         for row, j in zip(qp.change_rows[k], columns, strict=True):
             # how much room the row leaves on either side is what the change leaves
-            np.testing.assert_allclose(
-                qp.upper[row] - values[row], problem.dt * du_max[j] - (u[k, j] - before[j])
-            )
-            np.testing.assert_allclose(
-                values[row] - qp.lower[row], problem.dt * du_max[j] + (u[k, j] - before[j])
-            )
+            most, change, scale = problem.dt * du_max[j], u[k, j] - before[j], qp.change_scale[j]
+            np.testing.assert_allclose(qp.upper[row] - values[row], scale * (most - change))
+            np.testing.assert_allclose(values[row] - qp.lower[row], scale * (most + change))
     # nothing else has changed, and without limits there is no such row
     assert free.change_rows.size == 0 and qp.row_count == free.row_count + qp.change_rows.size
     assert (qp.A[: free.row_count] != free.A).nnz == 0
