@@ -81,7 +81,7 @@ void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, re
 /* The time on the path of a robot that drives on from a place, braking where its leg ends. */
 static real time_after(const struct kmpc_timed *path, real place, real leg, real later)
 {
-    const real end = least_of(leg_end(path, leg), path->time[path->poses - 2]), left = end - place;
+    const real end = least_of(kmpc_leg_end(path, leg), path->time[path->poses - 2]), left = end - place;
     const real half = R(0.5) * path->braking;
     if (left <= 0 || path->braking == 0) /* evenly */
         return place + later;
