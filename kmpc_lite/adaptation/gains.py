@@ -141,7 +141,7 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale
     terms = np.stack([v2, omega2], axis=1)
     expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
     surplus = errors[:, :, None] * errors[:, None, :] - expected
-    powers = scale.command**2
+    powers = scale.command[[0, -1]] ** 2
     terms /= powers
     gram = terms.T @ terms
     gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(count), 1.0) + 1e-12)

@@ -172,7 +172,7 @@ class OnlineAdaptation:
         ValueError
             For wrong shapes, and for nothing else.
         """
-        before, command, after, past = one_period(x, u, x_next, history, self.base.history)
+        before, command, after, past = one_period(x, u, x_next, history, self.base)
         state = self.state
         row = self._regressor.row(state, before, command, after, past)
         if row is None:

@@ -24,7 +24,7 @@ from kmpc_lite.adaptation.state import (
 )
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS, Scale
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 LEAST_STEP, LEAST_TURN = 1 / 75, 2e-3
 """A step that should move the robot less [radii], or turn it less [rad], tells nothing of them."""
@@ -108,8 +108,8 @@ class Regressor:
             self._leave_out(state, rejected=True)
             return None
         state.counts.used += 1
-        v, omega = numbers[6:]
-        a, b = self._weigh(state, v * v, omega * omega)
+        v2, omega2 = sum(speed * speed for speed in numbers[6:-1]), numbers[-1] * numbers[-1]
+        a, b = self._weigh(state, v2, omega2)
         # a step that hardly moves, or turns, says nothing about moving, or turning
         if not moved >= self._least_step:
             a = 0.0
@@ -129,7 +129,7 @@ class Regressor:
         a, b = a / self._white[0], b / self._white[1]
         raw = state.raw[state.count % self._memory]
         raw[MOTION], raw[AS_MEASURED] = state.earlier, own
-        raw[WEIGHTS], raw[SPEEDS] = (a, b), (v * v, omega * omega)
+        raw[WEIGHTS], raw[SPEEDS] = (a, b), (v2, omega2)
         raw[HEADING] = cos(heading), sin(heading)
         position = a * (px * px + py * py), a * (px * dx + py * dy), a * (px * dy - py * dx)
         turns = b * h * h, b * h * g, b * g * g, b * h * turned, b * g * turned
@@ -220,9 +220,9 @@ class Regressor:
 
 
 def one_period(
-    x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None, length: int
+    x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None, model: KoopmanModel
 ) -> tuple[Array, Array, Array, Array | None]:
-    """Pose before, command, pose after and the `length` commands before, as checked arrays.
+    """Pose before, command, pose after and the commands before that a model needs, as arrays.
 
     Raises
     ------
@@ -230,14 +230,15 @@ def one_period(
         For wrong shapes.
     """
     before, command, after = (np.asarray(value, dtype=float) for value in (x, u, x_next))
-    if before.shape != (STATES,) or command.shape != (INPUTS,) or after.shape != (STATES,):
+    if before.shape != (STATES,) or command.shape != (model.inputs,) or after.shape != (STATES,):
         raise ValueError(
-            f"expected x ({STATES},), u ({INPUTS},), x_next ({STATES},), "
+            f"expected x ({STATES},), u ({model.inputs},), x_next ({STATES},), "
             f"got {before.shape}, {command.shape}, {after.shape}"
         )
-    if history is None or not length:
+    if history is None or not model.history:
         return before, command, after, None
     past = np.asarray(history, dtype=float)
-    if past.shape != (length, INPUTS):
-        raise ValueError(f"history: expected shape ({length}, {INPUTS}), got {past.shape}")
+    if past.shape != (model.history, model.inputs):
+        expected = (model.history, model.inputs)
+        raise ValueError(f"history: expected shape {expected}, got {past.shape}")
     return before, command, after, past

@@ -263,10 +263,12 @@ class NavigationProblem:
         """
         if not ramps.limit:
             return self
+        if len(ramps.slower) != len(self.u_min):  # of speed and turn rate
+            ramps = Ramps(*(limits[list(self.wheels.axes)] for limits in ramps))
         return replace(
             self,
-            du_max=np.minimum(self.du_max, np.minimum(*ramps)[list(self.wheels.axes)]),
-            deceleration=np.minimum(self.deceleration, ramps.slower[list(self.wheels.axes)]),
+            du_max=np.minimum(self.du_max, np.minimum(*ramps)),
+            deceleration=np.minimum(self.deceleration, ramps.slower),
         )
 
     @property

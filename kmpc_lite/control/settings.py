@@ -23,7 +23,6 @@ from kmpc_lite.files import SAME_DT
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import unmodelled_delay
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
@@ -160,10 +159,6 @@ def choose_adaptation(
     ProblemError
         For one that was made for another model, or for a robot of another size or speed.
     """
-    if model.inputs > INPUTS:
-        if adaptation:
-            raise ProblemError("adaptation: it knows no robot that drives sideways")
-        return None
     if adaptation is None:
         adaptation = tightens and model.continuous and not unmodelled_delay(model)
     if adaptation is True:

@@ -22,7 +22,7 @@ from kmpc_lite.control.verification import Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary, UnicycleDictionary
-from kmpc_lite.model.dictionary.response import TERMS
+from kmpc_lite.model.dictionary.terms import TERMS
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -231,10 +231,10 @@ def _model(controller: Controller) -> dict[str, Any]:
     assert isinstance(driven, KoopmanModel) and driven.closed_form is not None
     form, dictionary = driven.closed_form, driven.dictionary
     kernel, terms = np.ones((1, INPUTS)), TERMS[:INPUTS]
-    smoothing, limits = (1.0, 1.0), (NO_LIMIT, NO_LIMIT)
+    smoothing, limits = np.ones(INPUTS), np.full(INPUTS, NO_LIMIT)
     if isinstance(dictionary, ResponseDictionary):
         kernel, terms = dictionary.kernel, dictionary.terms
-        smoothing, limits = dictionary.smoothing, dictionary.limits
+        smoothing, limits = np.array(dictionary.smoothing), np.array(dictionary.limits)
     return {
         "kernel": kernel,
         "smoothing": smoothing,

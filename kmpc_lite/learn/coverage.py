@@ -126,7 +126,7 @@ def find_coverage(
     Parameters
     ----------
     stretches : sequence of ndarray
-        Commands v, omega of each stretch without a gap, one row a period, (T, 2).
+        Commands of each stretch without a gap, one row a period, (T, m).
     dt : float
         Period [s].
     limits : tuple, optional
@@ -135,7 +135,7 @@ def find_coverage(
     steered : bool
         Whether it is a car, which cannot turn on the spot.
     """
-    rows = np.concatenate([np.empty((0, 2)), *stretches])
+    rows = np.concatenate([np.empty((0, 2)), *(np.asarray(s)[:, [0, -1]] for s in stretches)])
     if limits is None:
         v_max, turn = largest_inputs(rows) if len(rows) else (0.0, 0.0)
         limits = v_max, v_max, turn

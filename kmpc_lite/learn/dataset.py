@@ -161,13 +161,18 @@ class Dataset:
         return sum(len(e) for e in self.episodes)
 
     @property
+    def commands(self) -> int:
+        """Numbers of a command, m: 3 of an omni."""
+        return int(self.episodes[0].inputs.shape[1])
+
+    @property
     def steered(self) -> bool:
         """Whether it is a car's: its turn rates are those of steered wheels."""
         return self.episodes[0].steered
 
     @property
     def inputs(self) -> Array:
-        """Commands of all episodes, one after another, (n, 2)."""
+        """Commands of all episodes, one after another, (n, m)."""
         return np.concatenate([e.inputs for e in self.episodes])
 
     def split(self, fraction: float = 0.5, seed: int = 0) -> tuple[Dataset, Dataset]:

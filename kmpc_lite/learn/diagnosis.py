@@ -17,7 +17,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.responses import Response
 from kmpc_lite.learn.selection import cut_for
 from kmpc_lite.learn.windows import Block, answered_commands, largest_speeds, window_sums
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 # thresholds above which a line is written: what is less does no harm
 SURE = 4.0
@@ -52,6 +52,7 @@ def diagnose(
     dataset: Dataset,
     speed: Response,
     turn: Response,
+    gears: bool = False,
 ) -> list[str]:
     """What a user should know of a log's frames, one line each.
 
@@ -61,6 +62,8 @@ def diagnose(
         What was learned from.
     speed, turn : Response
         How late the robot answers.
+    gears : bool
+        Whether gains forward and back were learned.
     """
     windows = cut_for(dataset, SelectionOptions())
     if len(windows.blocks) < 4:
@@ -69,11 +72,13 @@ def diagnose(
     position, heading = [], []
     for block in windows.blocks:
         answered = answered_commands(block, *kernels)
+        if dataset.commands > INPUTS:  # ahead + i left
+            answered = np.column_stack([answered[:, 0] + 1j * answered[:, 1], answered[:, 2]])
         position.append(_position_moments(block, answered, windows.length, dataset.dt))
         heading.append(_heading_moments(block, answered, windows.length, dataset.dt))
-    v_max, omega_max = largest_speeds(dataset)
+    v_max, *_, omega_max = largest_speeds(dataset)
     moved, turned = (_jackknife(np.array(m)) for m in (position, heading))
-    return [*_tell_position(moved, v_max), *_tell_heading(turned, omega_max)]
+    return [*_tell_position(moved, v_max, gears), *_tell_heading(turned, omega_max)]
 
 
 def _position_moments(block: Block, answered: Array, length: int, dt: float) -> Array:
@@ -99,7 +104,7 @@ def _heading_moments(block: Block, answered: Array, length: int, dt: float) -> A
             answered[:, 1] * block.turned.real,
             answered[:, 1] * block.turned.imag,
         ]
-    )
+    ).real
     rows = np.column_stack([window_sums(columns, block, length), block.heading]).astype(complex)
     gram: Array = rows.conj().T @ rows
     return gram
@@ -142,7 +147,7 @@ def _told_apart(gram: Array) -> list[int]:
     return shown
 
 
-def _tell_position(found: list[Coefficient], v_max: float) -> list[str]:
+def _tell_position(found: list[Coefficient], v_max: float, gears: bool) -> list[str]:
     """Lines about the frame of the positions."""
     motion, _, mirror, drift, unsigned, creep = found
     if mirror.sure(abs(motion.value)):
@@ -156,7 +161,7 @@ def _tell_position(found: list[Coefficient], v_max: float) -> list[str]:
             f"the robot drives {np.degrees(angle):+.1f} degrees off its heading theta "
             "(learned, and no harm; the sensor's mount can be mended)"
         )
-    if unsigned.sure(0.5 * SIDES * abs(motion.value)):
+    if unsigned.sure(0.5 * SIDES * abs(motion.value)) and not gears:
         told.append(
             f"the robot drives forward at {abs(motion.value + unsigned.value):.2f} of its command, "
             f"and reverses at {abs(motion.value - unsigned.value):.2f}: the model has one gain"

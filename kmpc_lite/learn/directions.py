@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,14 +16,7 @@ from kmpc_lite.learn.cross_validation import (
     solve_columns,
 )
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.ladders import (
-    ACROSS_LADDER,
-    ALONG_LADDER,
-    BESIDE,
-    HEADING_LADDER,
-    STEERED_LADDER,
-    Ladder,
-)
+from kmpc_lite.learn.ladders import CAR, DIFFERENTIAL, OMNI, Ladder, Ladders
 from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates, neighbours
 from kmpc_lite.learn.stopping import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import (
@@ -33,17 +26,13 @@ from kmpc_lite.learn.windows import (
     nominal_rows,
     squared_errors,
 )
-from kmpc_lite.model.dictionary.response import TERMS
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 AnyResponse = Response | AgedResponse
 
 
 NOMINAL = "nominal"
 """Name of the nominal robot, the step before the ladders."""
-
-
-TERM_COUNT = len(TERMS)
 
 
 @dataclass(frozen=True)
@@ -67,8 +56,8 @@ class Search:
     """Moments of the responses looked at so far."""
 
     windows: Windows
-    smoothing: tuple[float, float]
-    limits: tuple[float, float]
+    smoothing: tuple[float, ...]
+    limits: tuple[float, ...]
     log: Dataset
     """What the windows are of."""
     given: tuple[AgedResponse, AgedResponse] | None = None
@@ -76,6 +65,32 @@ class Search:
     known: dict[tuple[AnyResponse, AnyResponse], Moments] = field(default_factory=dict)
     weights: tuple[Array, ...] | None = None
     """Of each block's place and heading, of a car."""
+
+    @property
+    def commands(self) -> int:
+        """Numbers of a command."""
+        return len(self.limits)
+
+    @property
+    def ladders(self) -> Ladders:
+        """Of the robot's kind."""
+        if self.commands > INPUTS:
+            return OMNI
+        return CAR if self.log.steered else DIFFERENTIAL
+
+    @property
+    def base(self) -> Array:
+        """Nominal rows of the position, side by side, (2 T,)."""
+        return position_base(self.commands)
+
+    @property
+    def turn_base(self) -> Array:
+        """Nominal row of the turn rate, (T,)."""
+        return nominal_rows(self.commands).heading
+
+    def aside(self, terms: Sequence[int]) -> Array:
+        """Columns of the sideways speed's terms."""
+        return len(self.turn_base) + np.array(terms, dtype=int)
 
     def candidates(self, which: int) -> tuple[AnyResponse, ...]:
         """Responses to choose from, of the speed (0) or the turn rate (1)."""
@@ -94,7 +109,9 @@ class Search:
         """
         if self.given is not None or chosen != AT_ONCE:
             return chosen
-        delay = unmodelled_delay(self.log, DelayOptions(axes=(which,)))
+        last = self.commands - 1
+        axes = (last,) if which else tuple(range(last))
+        delay = unmodelled_delay(self.log, DelayOptions(axes=axes))
         return Response(min(delay, self.windows.longest * self.log.dt), 0.0)
 
     def moments(self, speed: AnyResponse, turn: AnyResponse) -> Moments:
@@ -114,9 +131,8 @@ class Search:
         """
         if self.weights is None:
             at_once = moments(self.windows, (1.0,), (1.0,), self.smoothing, self.limits)
-            base, heading = position_base(), nominal_rows().heading
-            place = squared_errors(at_once.along + at_once.across, base)
-            turn = squared_errors(at_once.heading, heading)
+            place = squared_errors(at_once.along + at_once.across, self.base)
+            turn = squared_errors(at_once.heading, self.turn_base)
             both = (1.0 / np.maximum(e + np.median(e), 1e-12) for e in (place, turn))
             self.weights = tuple(w[:, None, None] for w in both)
         place, turn = self.weights
@@ -127,8 +143,7 @@ def choose_heading(
     search: Search, options: SelectionOptions, speed: AnyResponse = AT_ONCE
 ) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Response and terms of the turn rate; a car's follows the response of its speed, too."""
-    base = nominal_rows().heading
-    ladder = STEERED_LADDER if search.log.steered else HEADING_LADDER
+    base, ladder = search.turn_base, search.ladders.heading
     candidates, names = [], []
     for response in search.candidates(1):
         moment = search.moments(speed, response).heading
@@ -145,8 +160,7 @@ def choose_along(
     search: Search, turn: AnyResponse, options: SelectionOptions
 ) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Response and terms of the forward speed, with the sideways speed free."""
-    beside = TERM_COUNT + np.array(BESIDE)
-    ladder = ALONG_LADDER[:1] if search.log.steered else ALONG_LADDER
+    base, ladder, beside = search.base, search.ladders.along, search.aside(search.ladders.beside)
     candidates, names = [], []
     for response in search.candidates(0):
         moment = search.moments(response, turn)
@@ -154,9 +168,9 @@ def choose_along(
             complexity = len(terms) + search.price(response)
             columns = np.concatenate([terms, beside])
             both = moment.along + moment.across
-            candidates.append(Candidate(both, moment.along, columns, position_base(), complexity))
+            candidates.append(Candidate(both, moment.along, columns, base, complexity))
             names.append((response, step))
-    reference = squared_errors(search.moments(AT_ONCE, turn).along, position_base())
+    reference = squared_errors(search.moments(AT_ONCE, turn).along, base)
     response, direction, chosen = _decide(search, candidates, names, ladder, reference, options)
     return search.late(response, 0), direction, chosen
 
@@ -171,14 +185,15 @@ def choose_across(
     """Terms of the sideways speed."""
     moment = search.moments(speed, turn)
     both = moment.along + moment.across
+    base, ladder = search.base, search.ladders.across
     candidates = []
-    for _, terms in ACROSS_LADDER:
-        columns = np.concatenate([along_terms, TERM_COUNT + np.array(terms)]).astype(int)
-        candidates.append(Candidate(both, moment.across, columns, position_base(), len(terms)))
-    without = solve_columns(both.sum(axis=0), np.array(along_terms, dtype=int), position_base())
+    for _, terms in ladder:
+        columns = np.concatenate([along_terms, search.aside(terms)]).astype(int)
+        candidates.append(Candidate(both, moment.across, columns, base, len(terms)))
+    without = solve_columns(both.sum(axis=0), np.array(along_terms, dtype=int), base)
     reference = squared_errors(moment.across, without)
-    names = [(speed, step) for step in range(len(ACROSS_LADDER))]
-    _, direction, terms = _decide(search, candidates, names, ACROSS_LADDER, reference, options)
+    names = [(speed, step) for step in range(len(ladder))]
+    _, direction, terms = _decide(search, candidates, names, ladder, reference, options)
     return direction, terms
 
 
@@ -233,7 +248,7 @@ def refine_heading(
 
     def error(response: AnyResponse) -> float:
         total = search.moments(speed, response).heading.sum(axis=0)
-        weights = solve_columns(total, np.array(terms, dtype=int), nominal_rows().heading)
+        weights = solve_columns(total, np.array(terms, dtype=int), search.turn_base)
         return float(squared_errors(total[None], weights)[0])
 
     return _refine(turn, error, search, options)
@@ -247,19 +262,17 @@ def refine_along(
     options: SelectionOptions,
 ) -> AnyResponse:
     """Response near one of the forward speed by which the best rows err least."""
-    columns = np.concatenate([terms, TERM_COUNT + np.array(BESIDE)]).astype(int)
+    columns = np.concatenate([terms, search.aside(search.ladders.beside)]).astype(int)
 
     def error(response: AnyResponse) -> float:
         moment = search.moments(response, turn)
-        weights = solve_columns(
-            (moment.along + moment.across).sum(axis=0), columns, position_base()
-        )
+        weights = solve_columns((moment.along + moment.across).sum(axis=0), columns, search.base)
         return float(squared_errors(moment.along.sum(axis=0)[None], weights)[0])
 
     return _refine(speed, error, search, options)
 
 
-def position_base() -> Array:
-    """Nominal rows of the position, side by side, (18,)."""
-    rows = nominal_rows()
+def position_base(commands: int) -> Array:
+    """Nominal rows of the position, side by side, (2 T,)."""
+    rows = nominal_rows(commands)
     return np.concatenate([rows.along, rows.across])

@@ -79,11 +79,15 @@ class Episode:
 
     @property
     def moved(self) -> Array:
-        """How far the robot went along its middle heading, and turned, in each period, (T, 2)."""
+        """How far the robot went along its middle heading, and turned, in each period, (T, m).
+
+        Of an omni also how far it went to the left.
+        """
         steps = np.diff(self.states, axis=0)
         middle = self.states[:-1, 2] + 0.5 * steps[:, 2]
-        ahead, _ = rotate(steps[:, 0], steps[:, 1], -middle)
-        return np.column_stack([ahead, steps[:, 2]])
+        ahead, left = rotate(steps[:, 0], steps[:, 1], -middle)
+        went = [ahead, left, steps[:, 2]]
+        return np.column_stack(went if self.inputs.shape[1] > INPUTS else went[::2])
 
     def resample(self, dt: float) -> Episode | None:
         """Return the same drive at another period [s], or None if it is shorter than one period.

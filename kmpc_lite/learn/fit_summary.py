@@ -15,7 +15,7 @@ from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.learn.input_columns import tell_inputs
 from kmpc_lite.learn.responses import Response
 from kmpc_lite.learn.windows import largest_speeds
-from kmpc_lite.model.dictionary.response import evaluate_terms
+from kmpc_lite.model.dictionary.terms import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
 
 DIRECTIONS = ("along", "across", "in heading")
@@ -113,6 +113,11 @@ def tell_response(facts: Mapping[str, Any]) -> str:
 CHOSEN = {
     "nominal": "as commanded: the log supports no more",
     "gain": "its own gain",
+    "gears": "a gain forward and one backward",
+    "understeer": "its own gain, and understeer",
+    "saturates": "understeer, and less in tight turns",
+    "draws": "understeer, and wheels that are not straight",
+    "drift": "tyres that drift outwards",
     "offset": "a heading that is off",
     "centre": "a turning centre ahead of the pose",
     "gains": "gains",
@@ -139,28 +144,30 @@ def summarize_fit(
     rows = np.array(model.info["selection"]["rows"])
     log = train if whole is None else whole
     shown = find_coverage([e.inputs for e in log.episodes], log.dt, steered=log.steered)
-    limits = largest_speeds(train)
-    smoothing = 0.05 * limits[0], 0.05 * limits[1]
-    straight, tight = (
-        evaluate_terms(np.array([[limits[0], 0.0], limits]), smoothing, limits) @ rows.T
+    limits = np.array(largest_speeds(train))
+    ahead, round_ = np.eye(len(limits))[[0, -1]] * limits
+    straight, back, tight = (
+        evaluate_terms(np.array([ahead, -ahead, ahead + round_]), 0.05 * limits, limits) @ rows.T
     )
-    gain = rows[2, 1] if abs(rows[2, 1]) > 1e-6 else 1.0
+    own, turned = float(rows[2, len(limits) - 1]), rows[:, len(limits) - 1]
+    gain = own if abs(own) > 1e-6 else 1.0
     return {
         "lag": {
             "speed": {"dead_time": speed.dead_time, "time_constant": speed.time_constant},
             "turn": {"dead_time": turn.dead_time, "time_constant": turn.time_constant},
         },
-        "largest": {"v": limits[0], "omega": limits[1]},
+        "largest": {"v": float(limits[0]), "omega": float(limits[-1])},
         "speed_gain": float(straight[0] / limits[0]),
-        "turn_gain": float(rows[2, 1]),
+        "reverse_gain": float(-back[0] / limits[0]),
+        "turn_gain": own,
         "speed_kept_in_a_tight_turn": float(tight[0] / straight[0]) if straight[0] else 1.0,
         "side_slip": float(tight[1] / limits[0]),
-        "turning_centre": [float(-rows[1, 1] / gain), float(rows[0, 1] / gain)],
+        "turning_centre": [float(-turned[1] / gain), float(turned[0] / gain)],
         "heading_offset": float(np.arctan2(rows[1, 0], rows[0, 0])),
         "braking_distance": float(abs(straight[0]) * speed.delay),
         "inputs": tell_inputs(train, speed.delay),
         "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
-        "told": diagnose(train, speed, turn),
+        "told": diagnose(train, speed, turn, gears=straight[0] != -back[0]),
         "missing": [part.name for part in shown.missing],
         "warnings": shown.warnings(),
     }
@@ -191,11 +198,14 @@ def format_summary(facts: Mapping[str, Any]) -> str:
     centre, offset = facts["turning_centre"], np.degrees(facts["heading_offset"])
     kept = 100.0 * (1.0 - facts["speed_kept_in_a_tight_turn"])
     v, omega = facts["largest"]["v"], facts["largest"]["omega"]
+    back = facts["reverse_gain"]
+    reverse = f" ({back:.3g} in reverse)" if abs(back - facts["speed_gain"]) > 1e-9 else ""
     lines = [
         f"chosen along: {CHOSEN[chosen['along']]}; across: {CHOSEN[chosen['across']]}; "
         f"heading: {CHOSEN[chosen['heading']]}",
         tell_response(facts),
-        f"gains  speed {facts['speed_gain']:.3g}, turns {facts['turn_gain']:.3g} of the command",
+        f"gains  speed {facts['speed_gain']:.3g}{reverse}, turns {facts['turn_gain']:.3g} of the "
+        "command",
         f"slip   at {v:.2g} m/s and {omega:.2g} rad/s: {kept:+.0f} % of the speed lost, "
         f"{facts['side_slip']:+.2g} m sideways per metre",
         f"point  the pose is tracked {1e3 * -centre[0]:+.0f} mm ahead and "

@@ -15,7 +15,6 @@ from kmpc_lite.learn.stopping import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import UNMODELLED_DELAY
-from kmpc_lite.types import INPUTS
 
 
 def fit(
@@ -91,12 +90,14 @@ def fit(
             f"dataset: expected a Dataset, got {type(dataset).__name__}; "
             "Dataset.load(path) reads a log"
         )
-    commands = dataset.episodes[0].inputs.shape[1]
-    lifting = UnicycleDictionary(commands) if dictionary is None else dictionary
-    if commands > INPUTS and lags == "auto":
-        lags = None  # of omnis no delay is looked for
+    lifting = UnicycleDictionary(dataset.commands) if dictionary is None else dictionary
     if not hasattr(lifting, "lift"):
         raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
+    if lifting.commands != dataset.commands:
+        raise DataError(
+            f"dictionary: expected one for commands of {dataset.commands} numbers, as those of "
+            f"the log, got {lifting.commands}; {type(lifting).__name__}(commands=...) makes one"
+        )
     symmetric = wants_symmetry(symmetric, method, lifting)
     chooses = symmetric and not ridge and not lifting.history
     given = () if lags is None or lags == "auto" else tuple(lags)
@@ -131,8 +132,7 @@ def _fit_once(
     symmetric: bool,
 ) -> KoopmanModel:
     """Fit a dictionary as it is."""
-    waits = symmetric and not lifting.history and lifting.commands == INPUTS
-    delay = unmodelled_delay(dataset) if waits else 0.0
+    delay = unmodelled_delay(dataset) if symmetric and not lifting.history else 0.0
     seen = aligned(dataset, delay) if delay else dataset
     model: KoopmanModel | None = None
     for _ in range(2 if method == "integral" else 1):

@@ -19,7 +19,12 @@ from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.learn.selection import learned_axes
-from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary
+from kmpc_lite.model.dictionary import (
+    Dictionary,
+    HermiteTrigDictionary,
+    dictionary_from_config,
+    dictionary_to_config,
+)
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 
@@ -104,7 +109,7 @@ def learn(
     train, held = split_log(data, logs, options.holdout, options.seed)
     model = fit(
         train,
-        options.dictionary,
+        _for_commands(options.dictionary, data.commands),
         options.method,
         symmetric=options.symmetric,
         lags=options.lags,
@@ -136,6 +141,13 @@ def learn(
     made = {**describe_making(model, logs, data, vehicle=vehicle), **limits}
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
     return Learned(model, train, held, report, made, uncalibrated, facts, noise)
+
+
+def _for_commands(dictionary: Dictionary, count: int) -> Dictionary:
+    """A dictionary for commands of so many numbers."""
+    if dictionary.commands == count:
+        return dictionary
+    return dictionary_from_config({**dictionary_to_config(dictionary), "commands": count})
 
 
 def split_log(

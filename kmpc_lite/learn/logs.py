@@ -31,6 +31,7 @@ PLACE = {"deg": 1.0, "rad": 180.0 / pi}
 """Of a latitude or a longitude, which are kept in degrees until they become metres."""
 KNOWN = {
     **{"t": TIME, "x": LENGTH, "y": LENGTH, "theta": ANGLE, "v": SPEED, "omega": TURN_RATE},
+    "steered_turn_rate": TURN_RATE,
     **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED, "lateral": SPEED},
     **{"steering": ANGLE, "curvature": {"1/m": 1.0, "1/cm": 100.0, "1/mm": 1000.0}},
     "servo": {"1": 1.0, "%": 0.01},

@@ -86,8 +86,12 @@ def format_changes(info: Mapping[str, Any]) -> list[str]:
 
 def _limits(info: Mapping[str, Any], name: str) -> str:
     """Limits of changes in words; empty if there are none."""
-    units, told = (("speed", "m/s^2"), ("turn rate", "rad/s^2")), []
-    for (what, unit), *limits in zip(units, *Ramps.of(info, name), strict=True):
+    if name not in info:
+        return ""
+    told, ramps = [], Ramps.of(info, name)
+    speeds = ("speed", "speed sideways")[: len(ramps.slower) - 1]
+    units = [*((speed, "m/s^2") for speed in speeds), ("turn rate", "rad/s^2")]
+    for (what, unit), *limits in zip(units, *ramps, strict=True):
         finite = [
             f"{limit:.2g} {unit} {side}"
             for limit, side in zip(limits, Ramps._fields, strict=True)
@@ -98,14 +102,18 @@ def _limits(info: Mapping[str, Any], name: str) -> str:
 
 
 def driven_speeds(data: Dataset) -> dict[str, float]:
-    """Largest speeds forward and back [m/s] and turn rate [rad/s] that a log shows for a while."""
+    """Largest speeds forward and back [m/s] and turn rate [rad/s] that a log shows for a while.
+
+    Of an omni to its sides, too.
+    """
     rows = min(data.steps, max(1, ceil(SHOWN / data.dt)))
 
     def held(values: Any) -> float:
         return max(0.0, float(np.sort(values)[-rows]))
 
-    v, omega = data.inputs[:, 0], data.inputs[:, -1]
-    return {"forward": held(v), "reverse": held(-v), "turn": held(np.abs(omega))}
+    v, *aside, omega = data.inputs.T
+    sideways = {"sideways": held(np.abs(aside[0]))} if aside else {}
+    return {"forward": held(v), "reverse": held(-v), "turn": held(np.abs(omega)), **sideways}
 
 
 def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, Any] | None:

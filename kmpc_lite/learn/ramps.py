@@ -24,7 +24,7 @@ from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 PARTS = 5
 """Parts of a period in which a ramp is reckoned."""
@@ -83,11 +83,11 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
     False
     """
     options = RampOptions() if options is None else options
+    found = np.full((len(Ramps._fields), dataset.commands), FREE)
     # a car's turn rate follows its speed, and its steering has a lag of its own
-    axes = range(1 if dataset.steered else INPUTS)
-    found = [_find(dataset, axis, options) for axis in axes] + [(FREE, FREE)] * (INPUTS - len(axes))
-    faster, slower = np.array(found).T
-    return Ramps(faster, slower)
+    for axis in range(1 if dataset.steered else dataset.commands):
+        found[:, axis] = _find(dataset, axis, options)
+    return Ramps(*found)
 
 
 def shown_changes(dataset: Dataset) -> Ramps:
@@ -97,8 +97,8 @@ def shown_changes(dataset: Dataset) -> Ramps:
     log starts, or stops, too rarely to tell; and where it does so more slowly than any ramp that is
     looked for, for a robot that is limited to that hardly moves.
     """
-    found, longest = np.full((len(Ramps._fields), INPUTS), FREE), RampOptions.longest
-    for axis in range(INPUTS):
+    found, longest = np.full((len(Ramps._fields), dataset.commands), FREE), RampOptions.longest
+    for axis in range(dataset.commands):
         commands = [e.inputs[:, axis] for e in dataset.episodes]
         fastest = max(float(np.abs(u).max()) for u in commands)
         for side, backwards in enumerate((False, True)):

@@ -9,7 +9,7 @@ All candidates are judged on the same windows. The chosen rows become a model wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,24 +21,23 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import (
     NOMINAL,
     STAYS,
-    TERM_COUNT,
     AnyResponse,
     Direction,
     Search,
     choose_across,
     choose_along,
     choose_heading,
-    position_base,
     refine_along,
     refine_heading,
 )
 from kmpc_lite.learn.least_squares import require_trigonometry, symmetric_generator
 from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
-from kmpc_lite.learn.windows import Moments, Rows, Windows, cut, largest_speeds, nominal_rows
+from kmpc_lite.learn.windows import Rows, Windows, cut, largest_speeds, nominal_rows
 from kmpc_lite.model.dictionary import Dictionary
-from kmpc_lite.model.dictionary.response import LINEAR, TERMS, ResponseDictionary
+from kmpc_lite.model.dictionary.response import ResponseDictionary
+from kmpc_lite.model.dictionary.terms import terms_of
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 CAR_OPTIONS = SelectionOptions(significance=0.01)
 """Motor and servo of a car lag, and few blocks of its log show how much: as with ramps, what is
@@ -49,11 +48,11 @@ missed is a stop that comes too late."""
 class Selection:
     """What the log supports; by default nothing beyond the nominal robot."""
 
-    smoothing: tuple[float, float]
-    limits: tuple[float, float]
+    smoothing: tuple[float, ...]
+    limits: tuple[float, ...]
     blocks: int
     """Blocks that the choice was made on."""
-    rows: Rows = field(default_factory=nominal_rows)
+    rows: Rows
     speed: AnyResponse = AT_ONCE
     turn: AnyResponse = AT_ONCE
     longest: int = 0
@@ -102,7 +101,7 @@ def select(
     if options is None:
         options = CAR_OPTIONS if dataset.steered else SelectionOptions()
     windows, limits = cut_for(dataset, options, ages), largest_speeds(dataset)
-    terms = (0.05 * limits[0], 0.05 * limits[1]), limits
+    terms = tuple(0.05 * most for most in limits), limits
     blocks = len(windows.blocks)
     if blocks < 3 and ages:
         longest = (windows.longest + windows.length) * dataset.dt
@@ -111,7 +110,7 @@ def select(
             f"gap, as lags up to {max(ages)} periods need; got {blocks}"
         )
     if blocks < 3:
-        return Selection(*terms, blocks, steered=dataset.steered)
+        return Selection(*terms, blocks, nominal_rows(len(limits)), steered=dataset.steered)
     given = shares_of_ages(windows, ages) if ages else None
     fitted, search = (
         Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
@@ -126,8 +125,8 @@ def select(
     rolls = speed if dataset.steered else AT_ONCE
     turn = refine_heading(fitted, rolls, turn, heading_terms, options)
     speed = refine_along(fitted, speed, turn, along_terms, options)
-    every = Search(windows, *terms, dataset).moments(speed, turn)
-    rows, condition = _fit_rows(every, along_terms, across_terms, heading_terms)
+    every = Search(windows, *terms, dataset)
+    rows, condition = _fit_rows(every, speed, turn, (along_terms, across_terms, heading_terms))
     return Selection(
         *terms,
         len(search.windows.blocks),
@@ -172,24 +171,26 @@ def _thinned(dataset: Dataset, options: SelectionOptions) -> Dataset:
 
 
 def _fit_rows(
-    every: Moments,
-    along_terms: tuple[int, ...],
-    across_terms: tuple[int, ...],
-    heading_terms: tuple[int, ...],
+    search: Search, speed: AnyResponse, turn: AnyResponse, terms: tuple[tuple[int, ...], ...]
 ) -> tuple[Rows, float]:
-    """Fit the chosen terms to all windows, and tell how well those tell them apart."""
+    """Fit the chosen terms, along, across and of the heading, to all windows.
+
+    Beside them how well the windows tell them apart.
+    """
+    every, (along, across, turned) = search.moments(speed, turn), terms
     both = (every.along + every.across).sum(axis=0)
-    columns = np.array([*along_terms, *(TERM_COUNT + t for t in across_terms)], dtype=int)
-    position = solve_columns(both, columns, position_base())
+    columns = np.concatenate([along, search.aside(across)]).astype(int)
+    position = solve_columns(both, columns, search.base)
     heading = solve_columns(
-        every.heading.sum(axis=0), np.array(heading_terms, dtype=int), nominal_rows().heading
+        every.heading.sum(axis=0), np.array(turned, dtype=int), search.turn_base
     )
     condition = 1.0
     if len(columns):
         matrix = both[np.ix_(columns, columns)]
         scale = np.sqrt(np.diag(matrix))
         condition = float(np.sqrt(np.linalg.cond(matrix / np.outer(scale, scale))))
-    return Rows(position[:TERM_COUNT], position[TERM_COUNT:], heading), condition
+    along_row, across_row = np.split(position, 2)
+    return Rows(along_row, across_row, heading), condition
 
 
 def fit_supported_terms(
@@ -220,16 +221,17 @@ def fit_supported_terms(
 
 def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:
     """Write the selected rows in the paper's bilinear form, with as few inputs as they need."""
-    rows = np.array(selection.rows)
-    used = [t for i, t in enumerate(TERMS) if t in LINEAR or rows[:, i].any()]
+    rows, m = np.array(selection.rows), base.commands
+    terms = terms_of(m)
+    used = [t for i, t in enumerate(terms) if i < m or rows[:, i].any()]
     speed = selection.speed.weights(dt, selection.longest)
     turn = selection.turn.weights(dt, selection.longest)
     dictionary = base
-    if len(used) > len(LINEAR) or len(speed) > 1 or len(turn) > 1:
+    if len(used) > m or len(speed) > 1 or len(turn) > 1:
         dictionary = ResponseDictionary(
             base, speed, turn, used, selection.smoothing, selection.limits, selection.steered
         )
-    kept = rows[:, [TERMS.index(t) for t in used]]
+    kept = rows[:, [terms.index(t) for t in used]]
     nz, nw = dictionary.size, dictionary.input_size
     return KoopmanModel(
         dictionary,
@@ -279,14 +281,15 @@ def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
 
 
 def learned_axes(model: KoopmanModel) -> Array:
-    """Whether a model differs from the nominal robot in speed, and in turn rate, (2,) bool."""
-    chosen = model.info.get("selection")
+    """Whether a model differs from the nominal robot in each number of a command, (m,) bool."""
+    chosen, m = model.info.get("selection"), model.inputs
     if chosen is None:
-        return np.ones(INPUTS, dtype=bool)
-    along, across, heading = np.array(chosen["rows"]) != nominal_rows()
-    late = [any(model.info["response"][name]) for name in ("speed", "turn")]
-    differs: Array = np.array((along.any() or across.any(), heading.any())) | late
-    return differs
+        return np.ones(m, dtype=bool)
+    rows = np.array(chosen["rows"])  # files of earlier versions have fewer terms
+    along, across, heading = rows != np.array(nominal_rows(m))[:, : rows.shape[1]]
+    speed, turn = (any(model.info["response"][name]) for name in ("speed", "turn"))
+    place = along.any() or across.any() or speed
+    return np.array([*[place] * (m - 1), heading.any() or turn])
 
 
 def _finite(value: float) -> float | None:

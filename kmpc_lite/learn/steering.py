@@ -15,7 +15,9 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
+from kmpc_lite.learn.formats.columns import CAR_OMEGA
 from kmpc_lite.learn.logs import Log, Series
+from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.types import Array
 
 PIECE = 1.0
@@ -33,6 +35,11 @@ WINDOW = 0.4
 """Time over which a driven speed is measured [s]."""
 EASES = 0.5
 """What is left out beside that [s]: motors start and stop."""
+FOLLOWS = 0.8
+"""Share of the speed asked up to which that goes on: a car that obeys again has it to gain yet."""
+UNITS, REACHED = (0.2, 5.0), 0.98
+"""Ratios of driven to asked speed, where it is largest but for this share, that are one of metres
+to metres; others come of shares of full throttle, or of revolutions."""
 JUMP = 3.0
 """Ratio of a pose's speed to the largest that is commanded from which on it has been relocated."""
 ROLLS = 1e-6
@@ -55,6 +62,8 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
     DataError
         If the log does not tell how its steering turns it.
     """
+    if log.together and log.columns[1] == CAR_OMEGA:  # saved: as it was learned from
+        return replace(log, columns=("v", "omega"), steered=True)
     time, poses = log.poses.time, log.poses.values
     told = log.commands.values
     at = np.arange(len(time))
@@ -66,7 +75,7 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
     if len(rows) < 2:
         raise DataError(f"{log.name}: nothing obeyed the commands of this log")
     seen = time[rows], poses[rows], held[rows, 1]
-    curvatures, note = _curvatures(log, told[:, 1], seen, wheelbase)
+    curvatures, note = _curvatures(log, told, seen, wheelbase)
     speeds = np.where(np.abs(told[:, 0]) < ROLLS, ROLLS, told[:, 0])
     values = np.column_stack([speeds, speeds * curvatures])
     notes = [*log.notes, note]
@@ -90,11 +99,13 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
 
 
 def _curvatures(
-    log: Log, told: Array, seen: tuple[Array, Array, Array], wheelbase: float | None
+    log: Log, commands: Array, seen: tuple[Array, Array, Array], wheelbase: float | None
 ) -> tuple[Array, str]:
-    """Curvatures (n,) that are told, and a line on the car; the log as far as it was obeyed."""
-    time, poses, held = seen
-    if log.columns[1] == "curvature":
+    """Curvatures (n,) of commands, and a line on the car; the log as far as it was obeyed."""
+    (time, poses, held), told = seen, commands[:, 1]
+    if log.columns[1] == CAR_OMEGA:
+        found, how = held_curvatures(commands), ""
+    elif log.columns[1] == "curvature":
         found, how = told, ""
     elif log.columns[1] == "servo":
         gain, middle = find_servo(time, poses, held)
@@ -188,14 +199,25 @@ def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
     places = [np.interp(window, time, column) for column in poses[:, :2].T]
     driven = np.hypot(*(np.diff(place, axis=1)[:, 0] for place in places)) / WINDOW
     told = asked > COMMANDED * np.quantile(asked, 0.99)
+    if told.any():
+        ratio = float(np.quantile(driven[told] / asked[told], REACHED))
+        asked = asked if UNITS[0] < ratio < UNITS[1] else ratio * asked
+    slow = _runs(told & (driven < FOLLOWS * asked))
     out = np.zeros(len(time), dtype=bool)
     for share in SHARES:
-        ignored = told & (driven < share * asked)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], ignored.astype(int), [0]])))
-        for first, last in edges.reshape(-1, 2):
-            if time[last - 1] - time[first] >= LATEST + share * SLOWEST:
-                out |= _near(time, time[first], time[last - 1])
+        for first, last in _runs(told & (driven < share * asked)):
+            if time[last] - time[first] >= LATEST + share * SLOWEST:
+                begin, end = next((a, b) for a, b in slow if a <= first and last <= b)
+                out |= (time >= max(time[begin], time[first] - SLOWEST) - EASES) & (
+                    time <= min(time[end], time[last] + SLOWEST) + EASES
+                )
     return out
+
+
+def _runs(true: Array) -> list[tuple[int, int]]:
+    """First and last rows of stretches that are true (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
+    return [(first, last - 1) for first, last in edges.reshape(-1, 2).tolist()]
 
 
 def relocated(time: Array, poses: Array, speeds: Array) -> Array:
@@ -208,9 +230,3 @@ def relocated(time: Array, poses: Array, speeds: Array) -> Array:
     for row in np.flatnonzero(jumps):
         out |= (time >= time[row] - 0.5 * WINDOW) & (time <= time[row + 1] + 0.5 * WINDOW)
     return out
-
-
-def _near(time: Array, first: float, last: float) -> Array:
-    """Which times (n,) lie in a stretch, or so close to it that motors start or stop."""
-    near: Array = (time >= first - EASES) & (time <= last + EASES)
-    return near

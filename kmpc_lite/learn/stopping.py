@@ -20,7 +20,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class DelayOptions:
     """Standard errors by which a delay must explain more than none."""
     most_steps: int = 40_000
     """Steps of the log that are looked at."""
-    axes: tuple[int, ...] = (0, 1)
-    """Which of speed (0) and turn rate (1) are looked at."""
+    axes: tuple[int, ...] | None = None
+    """Which numbers of a command are looked at; all if not given."""
 
 
 def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> float:
@@ -68,7 +68,7 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
     asked, moved = _rows(dataset, lags, 1, options.most_steps)
     if len(moved) < 4 * options.blocks:
         return 0.0
-    axes = list(options.axes)
+    axes = list(range(dataset.commands) if options.axes is None else options.axes)
     asked, moved = asked[..., axes], moved[:, axes]
     tried = np.arange(options.parts * lags + 1) / options.parts
     errors = np.stack([_errors(asked, moved, delay, options.blocks) for delay in tried])
@@ -98,7 +98,7 @@ def aligned(dataset: Dataset, delay: float) -> Dataset:
 
 
 def _rows(dataset: Dataset, lags: int, length: int, most: int) -> tuple[Array, Array]:
-    """Commands (n, lags + 1, 2), the newest first, and speeds that came of them (n, 2).
+    """Commands (n, lags + 1, m), the newest first, and speeds that came of them (n, m).
 
     Each row is the mean of `length` periods, of at most about `most` rows.
     """
@@ -114,7 +114,7 @@ def _rows(dataset: Dataset, lags: int, length: int, most: int) -> tuple[Array, A
         if count >= most:
             break
     if not asked:
-        return np.empty((0, lags + 1, INPUTS)), np.empty((0, INPUTS))
+        return np.empty((0, lags + 1, dataset.commands)), np.empty((0, dataset.commands))
     return np.concatenate(asked), np.concatenate(moved)
 
 
@@ -224,7 +224,7 @@ def measure_stopping(model: KoopmanModel, log: Dataset) -> Stopping:
     log : Dataset
         All of it, those parts included that the model was not fitted to.
     """
-    largest, _ = largest_speeds(log)
+    largest = largest_speeds(log)[0]
     told, beyond, energy = [], [], []
     for episode in log.episodes:
         for stop in find_stops(episode.inputs[:, 0], episode.dt, largest):

@@ -17,25 +17,27 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.model.dictionary.curvature import held_curvatures
-from kmpc_lite.model.dictionary.response import TERMS, evaluate_terms
-from kmpc_lite.types import Array
+from kmpc_lite.model.dictionary.terms import evaluate_terms, terms_of
+from kmpc_lite.types import INPUTS, Array
 
 
 class Rows(NamedTuple):
-    """Response of the robot to each of `TERMS`: the three rows of a symmetric generator."""
+    """Response of the robot to each of its terms: the three rows of a symmetric generator."""
 
     along: Array
-    """Forward speed by each term, (9,)."""
+    """Forward speed by each term, (T,)."""
     across: Array
-    """Speed to the left, (9,)."""
+    """Speed to the left, (T,)."""
     heading: Array
-    """Turn rate, (9,)."""
+    """Turn rate, (T,)."""
 
 
-def nominal_rows() -> Rows:
+def nominal_rows(commands: int = INPUTS) -> Rows:
     """Rows of the robot that obeys its commands exactly."""
-    rows = np.zeros((3, len(TERMS)))
-    rows[0, 0] = rows[2, 1] = 1.0
+    rows = np.zeros((3, len(terms_of(commands))))
+    rows[0, 0] = rows[2, commands - 1] = 1.0
+    if commands > INPUTS:
+        rows[1, 1] = 1.0
     return Rows(*rows)
 
 
@@ -44,7 +46,7 @@ class Block:
     """Stretches of a log, with the commands before each, one after another."""
 
     inputs: Array
-    """Commands, those before each stretch included, (R, 2)."""
+    """Commands, those before each stretch included, (R, m)."""
     rows: Array
     """Row of `inputs` of each period, (T,)."""
     turned: Array
@@ -83,11 +85,11 @@ class Moments(NamedTuple):
     """Second moments of each block's windows; the last row and column are the target."""
 
     along: Array
-    """Of [Re Z, -Im Z, Re d], (B, 19, 19)."""
+    """Of [Re Z, -Im Z, Re d], (B, 2 T + 1, 2 T + 1)."""
     across: Array
-    """Of [Im Z, Re Z, Im d], (B, 19, 19)."""
+    """Of [Im Z, Re Z, Im d], as many."""
     heading: Array
-    """Of [W, turn], (B, 10, 10)."""
+    """Of [W, turn], (B, T + 1, T + 1)."""
 
 
 def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int = 64) -> Windows:
@@ -129,7 +131,7 @@ def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int =
 def _block(
     stretches: list[tuple[Array, Array]], length: int, longest: int, dt: float, steered: bool
 ) -> Block:
-    """Geometry of stretches of states (T + 1, 3) with their commands (longest + T, 2)."""
+    """Geometry of stretches of states (T + 1, 3) with their commands (longest + T, m)."""
     rows, turned, starts, frames, moves, headings = [], [], [], [], [], []
     first_row = first_period = 0
     for states, inputs in stretches:
@@ -161,12 +163,14 @@ def _block(
 
 
 def answered_commands(block: Block, speed: Sequence[float], turn: Sequence[float]) -> Array:
-    """Commands (T, 2) of a block after the motors' response, given its weights, newest first."""
-    answered = np.zeros((len(block.rows), 2))
-    second = block.inputs[:, 1] if block.curvatures is None else block.curvatures
-    for column, (weights, told) in enumerate(((speed, block.inputs[:, 0]), (turn, second))):
+    """Commands (T, m) of a block after the motors' response, given its weights, newest first."""
+    told = block.inputs
+    if block.curvatures is not None:
+        told = np.column_stack([told[:, 0], block.curvatures])
+    answered = np.zeros((len(block.rows), told.shape[1]))
+    for columns, weights in ((slice(-1), speed), (slice(-1, None), turn)):
         for age, weight in enumerate(weights):
-            answered[:, column] += weight * told[block.rows - age]
+            answered[:, columns] += weight * told[block.rows - age, columns]
     if block.curvatures is not None:
         answered[:, 1] *= answered[:, 0]
     return answered
@@ -184,11 +188,11 @@ def moments(
     windows: Windows,
     speed: Sequence[float],
     turn: Sequence[float],
-    smoothing: tuple[float, float],
-    limits: tuple[float, float],
+    smoothing: Sequence[float],
+    limits: Sequence[float],
 ) -> Moments:
     """Sum each block's windows for one response."""
-    terms = len(TERMS)
+    terms = len(terms_of(len(limits)))
     along = np.empty((len(windows.blocks), 2 * terms + 1, 2 * terms + 1))
     across = np.empty_like(along)
     heading = np.empty((len(windows.blocks), terms + 1, terms + 1))
@@ -218,12 +222,11 @@ def squared_errors(moment: Array, weights: Array) -> Array:
     return errors
 
 
-def largest_speeds(dataset: Dataset) -> tuple[float, float]:
-    """Largest |v| and |omega| of a log's inputs, as `largest_inputs` gives them."""
+def largest_speeds(dataset: Dataset) -> tuple[float, ...]:
+    """Largest sizes of a log's inputs, as `largest_inputs` gives them."""
     return largest_inputs(dataset.inputs)
 
 
-def largest_inputs(inputs: Array) -> tuple[float, float]:
-    """Largest |v| and |omega| of inputs (n, 2), single outliers left out; never zero."""
-    v, omega = np.quantile(np.abs(inputs), 0.995, axis=0)
-    return max(float(v), 1e-6), max(float(omega), 1e-6)
+def largest_inputs(inputs: Array) -> tuple[float, ...]:
+    """Largest size of each number of inputs (n, m), single outliers left out; never zero."""
+    return tuple(np.maximum(np.quantile(np.abs(inputs), 0.995, axis=0), 1e-6).tolist())

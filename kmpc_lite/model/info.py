@@ -101,10 +101,10 @@ def _is_stopping(value: Any) -> bool:
 
 
 def _is_ramps(value: Any) -> bool:
-    """Limits of speed and turn rate, away from zero and towards it; None if there is none."""
+    """Limits of each speed, away from zero and towards it; None if there is none."""
     return isinstance(value, Mapping) and all(
         isinstance(limits := value.get(name), list | tuple)
-        and len(limits) == 2
+        and len(limits) in (2, 3)
         and all(v is None or (_is_number(v) and v > 0.0) for v in limits)
         for name in ("faster", "slower")
     )
@@ -117,8 +117,8 @@ KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "adaptation": (_is_gains, "a table of gains"),
     "held_out": (_is_errors, "a table of errors"),
     "noise_quantiles": (_is_quantiles, "risks and their quantiles: calibrate it anew"),
-    "ramps": (_is_ramps, "two limits faster and two slower, above zero or null"),
-    "changes": (_is_ramps, "two limits faster and two slower, above zero or null"),
+    "ramps": (_is_ramps, "limits faster and slower of each speed, above zero or null"),
+    "changes": (_is_ramps, "limits faster and slower of each speed, above zero or null"),
     "driven": (_is_speeds, "the largest speeds forward, reverse and turn"),
     "stopping": (_is_stopping, "delay, stops and deceleration"),
     "vehicle": (is_vehicle, "a table of plain values"),

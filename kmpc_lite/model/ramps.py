@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 FREE = np.inf
 """Limit of a robot that follows at once."""
 
 
 class Ramps(NamedTuple):
-    """Largest changes of speed and turn rate, (2,) each [m/s^2, rad/s^2]."""
+    """Largest changes of each number of a command, (m,) each [m/s^2, rad/s^2]."""
 
     faster: Array
     """Away from zero; infinite if no ramp is known."""
@@ -40,7 +40,7 @@ class Ramps(NamedTuple):
     @classmethod
     def of(cls, info: Mapping[str, Any], name: str = "ramps") -> Ramps:
         """Read them from a model's `info`; those of a robot without any where it tells none."""
-        told = info.get(name) or dict.fromkeys(cls._fields, [None] * INPUTS)
+        told = info.get(name) or dict.fromkeys(cls._fields, [None])  # of any m
         faster, slower = (
             np.array([FREE if v is None else float(v) for v in told[side]]) for side in cls._fields
         )

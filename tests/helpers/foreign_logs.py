@@ -237,12 +237,15 @@ DATAFLASH = {
     "POS": (0x93, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),
     "ATT": (0x94, "QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF"),
     "MSG": (0x95, "QZ", "TimeUS,Message"),
+    "PARM": (0x96, "QNff", "TimeUS,Name,Value,Default"),
 }
 """Number, letters and columns of ArduPilot's messages."""
 STRUCT = {"c": "h", "C": "H", "L": "i", "n": "4s", "N": "16s", "Z": "64s", "e": "i"}
 
 
-def write_dataflash(path: Path, d: Drive, source: str = "XKF1", desired: bool = True) -> Path:
+def write_dataflash(
+    path: Path, d: Drive, source: str = "XKF1", desired: bool = True, car: bool = False
+) -> Path:
     """An ArduPilot .bin with two EKF cores, or with POS and ATT; garbage in the middle."""
     layouts = {
         name: struct.Struct("<" + "".join(STRUCT.get(c, c) for c in letters))
@@ -259,6 +262,7 @@ def write_dataflash(path: Path, d: Drive, source: str = "XKF1", desired: bool = 
         for name, (number, letters, columns) in DATAFLASH.items()
     ]
     out.append(put("MSG", 5, b"ArduRover V4.6.3"))
+    out.append(put("PARM", 5, b"SERVO1_FUNCTION", 26.0 if car else 73.0, 0.0))
     events = [
         *((t, 0, p) for t, p in zip(d.time, d.poses, strict=True)),
         *((t, 1, c) for t, c in zip(d.command_time, d.commands, strict=True)),
@@ -287,7 +291,7 @@ def write_dataflash(path: Path, d: Drive, source: str = "XKF1", desired: bool = 
     return path
 
 
-def write_tlog(path: Path, d: Drive, commands: str = "set_point") -> Path:
+def write_tlog(path: Path, d: Drive, commands: str = "set_point", car: bool = False) -> Path:
     """A .tlog of a vehicle and a ground station, as MAVProxy writes it."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -298,6 +302,9 @@ def write_tlog(path: Path, d: Drive, commands: str = "set_point") -> Path:
     def put(t: float, sender: Any, message: Any) -> None:
         out.append(struct.pack(">Q", round(t * 1e6)) + message.pack(sender))
 
+    name, function = b"SERVO1_FUNCTION", 26.0 if car else 73.0
+    setting = dialect.MAVLink_param_value_message(name, function, 9, 1, 0)
+    put(float(d.time[0]), vehicle, setting)
     events = [
         *((t, 0, p) for t, p in zip(d.time, d.poses, strict=True)),
         *((t, 1, c) for t, c in zip(d.command_time, d.commands, strict=True)),

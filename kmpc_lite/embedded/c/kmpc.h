@@ -39,7 +39,7 @@ struct kmpc_plan {
     real inputs[KMPC_N][2];
 };
 
-enum { KMPC_PATH = 64 /* poses of a path at most */, KMPC_TERMS = 9 };
+enum { KMPC_PATH = 64 /* poses of a path at most */, KMPC_TERMS = 11 };
 
 /* A path from a host, in the robot's units: straight between its poses, turns on the spot where two
  * lie at one place, as at either end. */

@@ -8,7 +8,7 @@
 #define K kmpc_numbers
 #define L kmpc_model
 
-/* Terms (9,) of a filtered command, and their derivatives (9, 2). */
+/* Terms of a filtered command (KMPC_TERMS,), and their derivatives (KMPC_TERMS, 2). */
 static void terms_of(const real *answered, real *out, real *slope)
 {
     real inside[2];
@@ -22,18 +22,23 @@ static void terms_of(const real *answered, real *out, real *slope)
     const real v_root = vv + vs, o_root = oo + os;
     const real v_size = vv / M(sqrt)(v_root), size = oo / M(sqrt)(o_root);
     const real size_slope = o * (oo + 2 * os) / (o_root * M(sqrt)(o_root));
+    const real v_slope = v * (vv + 2 * vs) / (v_root * M(sqrt)(v_root));
+    const real sign = v / M(sqrt)(v_root), sign_slope = vs / (v_root * M(sqrt)(v_root));
     const real found[KMPC_TERMS] = {answered[0], answered[1], v * o,     v * size, v * oo,
-                                    v * v_size,  o * size,    o * oo,    vv * o};
+                                    v * v_size,  o * size,    o * oo,    vv * o,   v_size,
+                                    o * sign};
     const real by[KMPC_TERMS][2] = {
         {1, 0},
         {0, 1},
         {o, v},
         {size, v * size_slope},
         {oo, 2 * v * o},
-        {v_size + vv * (vv + 2 * vs) / (v_root * M(sqrt)(v_root)), 0},
+        {v_size + v * v_slope, 0},
         {0, size + o * size_slope},
         {0, 3 * oo},
         {2 * v * o, vv},
+        {v_slope, 0},
+        {o * sign_slope, sign},
     };
     for (int i = 0; i < KMPC_TERMS; i++) {
         out[i] = found[i];

@@ -13,7 +13,7 @@ import numpy as np
 from kmpc_lite.geometry import wrap
 from kmpc_lite.learn.cutting import GAP, stretches
 from kmpc_lite.learn.logs import Log
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 MOST_ROWS = 100_000
 """Most rows that are used; of a longer log, stretches spread over all of it."""
@@ -32,7 +32,7 @@ class Motion:
     """x + i y, complex."""
     theta: Array
     asked: Array
-    """Integrals of v and omega since the begin, (n, 2)."""
+    """Integrals of v and omega since the begin, (n, 2); complex of an omni: ahead + i left."""
     whole: Array
     """Whether the step to the next row crosses no gap, (n - 1,) bool."""
     change: float
@@ -77,7 +77,7 @@ def _integrals(log: Log, time: Array) -> Array:
 
     Rows of a table keep their order where its clock steps back, for their commands are their own.
     """
-    told = log.commands.values[:, [0, -1]]  # an omni's speed to the left is no part of the checks
+    told = _speeds(log)
     if log.together:
         steps = np.maximum(np.diff(time), 0.0)[:, None]
         return np.vstack([np.zeros(2), np.cumsum(told[:-1] * steps, axis=0)])
@@ -88,6 +88,14 @@ def _integrals(log: Log, time: Array) -> Array:
     late = np.maximum(time - when[at], 0.0)
     total: Array = sums[at] + held[at] * late[:, None]
     return total
+
+
+def _speeds(log: Log) -> Array:
+    """Commands v and omega (n, 2); an omni's v is complex, ahead + i left."""
+    told = log.commands.values
+    if told.shape[1] == INPUTS:
+        return told
+    return np.column_stack([told[:, 0] + 1j * told[:, 1], told[:, 2]])
 
 
 def _stretches(count: int) -> Array:
@@ -103,12 +111,11 @@ def _change(steps: Array) -> float:
     """Rows after which half of what the commands (n, 2) were is gone."""
     found = []
     for column in steps.T:
-        size = float(column @ column)
-        if size <= 0.0 or np.ptp(column) <= 1e-6 * np.abs(column).max():
-            continue
         centred = column - column.mean()
-        padded = np.fft.rfft(centred, 2 * len(centred))
-        alike = np.fft.irfft(np.abs(padded) ** 2)[: len(centred) // 4 + 1]
+        if not np.abs(centred).max(initial=0.0) > 1e-6 * np.abs(column).max(initial=0.0):
+            continue
+        padded = np.fft.fft(centred, 2 * len(centred))
+        alike = np.fft.ifft(np.abs(padded) ** 2).real[: len(centred) // 4 + 1]
         below = np.flatnonzero(alike < 0.5 * alike[0])
         found.append(float(below[0]) if len(below) else float(len(alike)))
     return min(found, default=1.0)
@@ -154,7 +161,7 @@ def tell_poses(log: Log, dt: float) -> list[str]:
 
 def _asked(log: Log, time: Array) -> Array:
     """Sizes of the commands that hold at each pose (n, 2)."""
-    told = np.abs(log.commands.values[:, [0, -1]])
+    told = np.abs(_speeds(log))
     if log.together:
         return told
     order = np.argsort(log.commands.time, kind="stable")

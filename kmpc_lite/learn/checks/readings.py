@@ -75,7 +75,7 @@ def is_seen(case: Case, channel: int, length: int = 32) -> bool:
     moved = motion.position if channel == 0 else headings(motion, case.degrees)
     if len(asked) < 4 * length:
         return False
-    expected = 0.1 * np.sqrt(np.mean((asked[length:] - asked[:-length]) ** 2))
+    expected = 0.1 * np.sqrt(np.mean(np.abs(asked[length:] - asked[:-length]) ** 2))
     bends = moved[2:] - 2.0 * moved[1:-1] + moved[:-2]
     middle = 2.88 if np.iscomplexobj(bends) else 1.65  # of a bend, times sqrt(6) of a pose's noise
     noise = np.median(np.abs(bends)) / middle
@@ -84,7 +84,7 @@ def is_seen(case: Case, channel: int, length: int = 32) -> bool:
 
 def varies(case: Case, channel: int) -> bool:
     """Whether a command is given for a good part of the log, and is not always the same."""
-    values = np.abs(case.log.commands.values[:, channel])
+    values = np.abs(case.log.commands.values[:, -channel])  # 0: v, 1: omega, the last
     largest = values.max()
     return bool((values > 0.1 * largest).mean() > 0.1 and values.std() > 0.05 * largest)
 

@@ -21,9 +21,9 @@ WHEELS = 0.7
 
 def wheel_speeds(case: Case) -> str | None:
     """Sum and difference of the commands explain what the commands do not: those of two wheels."""
-    if case.turns.sure and case.turns.share > WHEELS:
-        return None
     motion = case.evidence.motion
+    if np.iscomplexobj(motion.asked) or (case.turns.sure and case.turns.share > WHEELS):
+        return None
     left, right = motion.asked.T
     other = examine(replace(motion, asked=np.column_stack([left + right, right - left])))
     moves, turns = other.moves[case.reading], other.turns[case.degrees]

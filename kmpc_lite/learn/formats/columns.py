@@ -13,6 +13,8 @@ from kmpc_lite.learn.logs import KNOWN
 
 COLUMNS = ("t", "x", "y", "theta", "v", "omega")
 """Columns of the tables that are written."""
+CAR_OMEGA = "steered_turn_rate"
+"""Turn rate of a car, as its saved logs have it: speed times the curvature of its wheels."""
 
 
 class Names(NamedTuple):
@@ -23,66 +25,61 @@ class Names(NamedTuple):
     """Last words of longer names: ``pose.pose.position.x``."""
 
 
-V = ("cmd_v", "v_cmd", "u_v", "v_ref", "cmd_vel", "linear", "speed", "velocity", "vel", "vx")
-OMEGA = ("cmd_omega", "omega_cmd", "cmd_w", "w_cmd", "w", "wz", "angular", "yaw_rate", "yawrate")
+def _names(whole: str, endings: str = "") -> Names:
+    """Names that are parted by blanks."""
+    return Names(tuple(whole.split()), tuple(endings.split()))
+
+
+def _of_wheel(side: str) -> Names:
+    """Of a speed of the wheels of one side."""
+    s, parts = side[0], (f"{side}{of}_{what}" for of in ("", "_wheel") for what in WHEEL)
+    ends = f"{' '.join(parts)} {side}_wheel wheel_{side}"
+    return _names(f"v_{side} {side}_v v{s} v_{s} cmd_{side}", ends)
+
+
 WHEEL = ("speed", "vel", "velocity")
+ENDS = "position_{0} pos_{0} translation_{0} pose_{0} r_{0}"
 NAMES = {
-    "t": Names(
-        ("time", "stamp", "timestamp", "secs", "sec", "seconds", "time_stamp", "ts", "elapsed"),
-        ("header_stamp", "timestamp", "time"),
+    "t": _names(
+        "time stamp timestamp secs sec seconds time_stamp ts elapsed", "header_stamp timestamp time"
     ),
+    "x": _names("px tx pos_x x_pos east easting", ENDS.format("x")),
+    "y": _names("py ty pos_y y_pos north northing", ENDS.format("y")),
+    "theta": _names("yaw heading psi th phi angle orientation azimuth", "theta yaw heading"),
+    "v": _names(
+        "cmd_v v_cmd u_v v_ref cmd_vel linear speed velocity vel vx v_x cmd_vx vx_cmd",
+        "linear_x lin_vel linear_velocity lin_x v motor_speed erpm",
+    ),
+    "omega": _names(
+        "cmd_omega omega_cmd cmd_w w_cmd w wz angular yaw_rate yawrate turn_rate cmd_yaw_rate "
+        "omega_ref u_omega u_w",
+        "angular_z ang_vel angular_velocity ang_z omega yaw_rate",
+    ),
+    "steering": _names(
+        "steering_angle delta steer steer_angle servo_angle drive_steering_angle",
+        "steering_angle steering delta",
+    ),
+    "curvature": _names("kappa curv cmd_curvature u_kappa", "curvature kappa"),
+    "servo": _names(
+        "servo_position servo_pos servo1_raw servo_output rcou_c1 steering_pwm",
+        "servo_position servo servo1_raw servo_position_data",
+    ),
+    CAR_OMEGA: _names(""),
+    "lateral": _names(
+        "v_y vy cmd_vy vy_cmd lateral_speed lateral_velocity linear_y", "linear_y lateral"
+    ),
+    "lat": _names("latitude gps_lat", "latitude lat"),
+    "lon": _names("longitude lng long gps_lon", "longitude lon lng"),
+    "left": _of_wheel("left"),
+    "right": _of_wheel("right"),
     **{
-        a: Names(
-            (f"p{a}", f"t{a}", f"pos_{a}", f"{a}_pos", *compass),
-            (f"position_{a}", f"pos_{a}", f"translation_{a}", f"pose_{a}", f"r_{a}"),
-        )
-        for a, compass in (("x", ("east", "easting")), ("y", ("north", "northing")))
-    },
-    "theta": Names(
-        ("yaw", "heading", "psi", "th", "phi", "angle", "orientation", "azimuth"),
-        ("theta", "yaw", "heading"),
-    ),
-    "v": Names(V, ("linear_x", "lin_vel", "linear_velocity", "lin_x", "v")),
-    "omega": Names(
-        (*OMEGA, "turn_rate", "cmd_yaw_rate", "omega_ref", "u_omega", "u_w"),
-        ("angular_z", "ang_vel", "angular_velocity", "ang_z", "omega", "yaw_rate"),
-    ),
-    "steering": Names(
-        ("steering_angle", "delta", "steer", "steer_angle", "servo_angle", "drive_steering_angle"),
-        ("steering_angle", "steering", "delta"),
-    ),
-    "curvature": Names(("kappa", "curv", "cmd_curvature", "u_kappa"), ("curvature", "kappa")),
-    "servo": Names(
-        ("servo_position", "servo_pos", "servo1_raw", "servo_output", "rcou_c1", "steering_pwm"),
-        ("servo_position", "servo", "servo1_raw"),
-    ),
-    "lateral": Names(
-        ("v_y", "vy", "cmd_vy", "vy_cmd", "lateral_speed", "lateral_velocity", "linear_y"),
-        ("linear_y", "lateral"),
-    ),
-    "lat": Names(("latitude", "gps_lat"), ("latitude", "lat")),
-    "lon": Names(("longitude", "lng", "long", "gps_lon"), ("longitude", "lon", "lng")),
-    **{
-        side: Names(
-            (f"v_{side}", f"{side}_v", f"v{side[0]}", f"v_{side[0]}", f"cmd_{side}"),
-            (
-                *(f"{side}{of}_{what}" for of in ("", "_wheel") for what in WHEEL),
-                *(f"{side}_wheel", f"wheel_{side}"),
-            ),
-        )
-        for side in ("left", "right")
-    },
-    **{
-        f"q{a}": Names(
-            (f"q_{a}", f"rot_{a}"),
-            (f"orientation_{a}", f"rotation_{a}", f"q_rs_{a}", f"quat_{a}"),
-        )
+        f"q{a}": _names(f"q_{a} rot_{a}", f"orientation_{a} rotation_{a} q_rs_{a} quat_{a}")
         for a in "xyzw"
     },
 }
 """By our name; those of other kinds of robots are added here, in `KNOWN` and in `WAYS`."""
 QUATERNION = ("qx", "qy", "qz", "qw")
-STEERED = ("steering", "curvature", "servo")
+STEERED = ("steering", "curvature", "servo", CAR_OMEGA)
 """What steers a car."""
 WAYS = {
     "position": (("x", "y"), ("lat", "lon")),

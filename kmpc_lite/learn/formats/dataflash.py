@@ -23,6 +23,7 @@ from kmpc_lite.learn.formats.streams import (
     local_metres,
     make_log,
     pick,
+    steers,
     with_heading,
 )
 from kmpc_lite.learn.logs import Log, ReadOptions, Series
@@ -48,6 +49,7 @@ FIELDS = {
     "ATT": ("Yaw",),
     "THR": ("DesSpeed", "ThrOut"),
     "STER": ("DesTurnRate", "SteerOut"),
+    "PARM": ("Name", "Value"),
 }
 """What is read of which message; angles in degrees, turns to the right."""
 FULL_STEERING = 4500.0
@@ -101,7 +103,7 @@ def _kind(name: str, made: struct.Struct, letters: str, columns: list[str]) -> K
         for place, (column, letter) in reversed(
             list(enumerate(zip(columns, letters, strict=False)))
         )
-        if not LETTERS[letter][0].endswith("s")
+        if not LETTERS[letter][0].endswith("s") or (name, column) == ("PARM", "Name")
     }
     places = tuple(numbers.get(column, -1) for column in wanted)
     scales = tuple(LETTERS[letters[p]][1] if p >= 0 else 0.0 for p in places)
@@ -109,9 +111,14 @@ def _kind(name: str, made: struct.Struct, letters: str, columns: list[str]) -> K
 
 
 def messages(
-    file: BinaryIO, counts: dict[str, int], progress: Callable[[int, int], None] | None = None
+    file: BinaryIO,
+    counts: dict[str, int],
+    settings: dict[str, float],
+    progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[tuple[str, Any, list[float]]]:
     """Yield name, core, and time [s] with fields of the messages in `FIELDS`; count all others.
+
+    Parameters are put into `settings`.
 
     Bytes that belong to no message are passed over: logs that were cut off, or sent by radio, have
     such bytes.
@@ -141,6 +148,11 @@ def messages(
         counts[name] = counts.get(name, 0) + 1
         if (kind := formats.kinds.get(number)) is not None:
             values = kind.unpack.unpack(body)
+            if name == "PARM":
+                parameter, value = (values[place] for place in kind.places[2:])
+                if isinstance(parameter, bytes) and not isinstance(value, bytes):
+                    settings[parameter.split(b"\0")[0].decode("ascii", "replace")] = value
+                continue
             core = values[kind.places[1]] if kind.places[1] >= 0 else 0
             picked = (0, *range(2, len(kind.places)))
             yield (
@@ -164,13 +176,14 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
     counts: dict[str, int] = {}
     kept = {name: Thinned(len(fields), options.spacing) for name, fields in FIELDS.items()}
     cores: dict[str, Any] = {}
+    settings: dict[str, float] = {}
     with open_regular(path) as file:
         begin = file.read(3)
         if begin[:2] != HEAD:
             got = begin.hex() or "nothing"
             raise DataError(f"{path}: not an ArduPilot log: it begins with {got}")
         file.seek(0)
-        for name, core, (time, *values) in messages(file, counts, options.progress):
+        for name, core, (time, *values) in messages(file, counts, settings, options.progress):
             if cores.setdefault(name, core) == core and kept[name].wants(time):
                 if np.isfinite([time, values[0]]).all():
                     kept[name].add(time, *values)
@@ -178,7 +191,8 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
     source, poses = _poses(path, rows, options.topics, counts)
     commands, shares = _commands(path, rows, options.topics, counts)
     topics = counted_topics("DataFlash", dict(sorted(counts.items())), poses[:, 0])
-    return make_log(path, poses, f"{source} (north, east, yaw)", commands, shares, topics)
+    where = f"{source} (north, east, yaw)"
+    return make_log(path, poses, where, commands, shares, topics, steers(settings))
 
 
 def _seen(counts: Mapping[str, int]) -> str:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import wrap
+from kmpc_lite.learn.formats.columns import CAR_OMEGA
 from kmpc_lite.learn.logs import Log, Series, Topic
 from kmpc_lite.types import Array
 
@@ -65,6 +67,18 @@ SHARES = (
 )
 
 
+STEERING = 26
+"""SERVOn_FUNCTION of a servo that steers: ArduPilot's GroundSteering."""
+
+
+def steers(settings: Mapping[str, float]) -> bool:
+    """Whether an ArduPilot's parameters, by name, are those of a car."""
+    return any(
+        name.startswith("SERVO") and name.endswith("_FUNCTION") and value == STEERING
+        for name, value in settings.items()
+    )
+
+
 def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], seen: str) -> str:
     """Choose a source: the user's, else the first that is there.
 
@@ -84,7 +98,13 @@ def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], see
 
 
 def make_log(
-    path: Path, poses: Array, pose_source: str, commands: Series, shares: bool, topics: list[Topic]
+    path: Path,
+    poses: Array,
+    pose_source: str,
+    commands: Series,
+    shares: bool,
+    topics: list[Topic],
+    car: bool = False,
 ) -> Log:
     """Put a log together from poses and commands of an autopilot.
 
@@ -102,6 +122,8 @@ def make_log(
         Whether the commands are shares of what the motors can do.
     topics : list of Topic
         All that is in the file.
+    car : bool
+        Whether it steers its wheels: shares of steering are positions of its servo then.
 
     Raises
     ------
@@ -114,7 +136,9 @@ def make_log(
         )
     series = Series(poses[:, 0], enu(poses), pose_source)
     notes = (f"poses: {pose_source}; commands: {commands.source}", *((SHARES,) if shares else ()))
-    return Log(str(path), series, commands, shares=shares, topics=tuple(topics), notes=notes)
+    columns = ("v", ("servo" if shares else CAR_OMEGA) if car else "omega")
+    log = Log(str(path), series, commands, topics=tuple(topics), notes=notes)
+    return replace(log, shares=shares, columns=columns)
 
 
 def counted_topics(kind: str, counts: Mapping[str, int], time: Array) -> list[Topic]:

@@ -17,6 +17,7 @@ from kmpc_lite.geometry import heading_of
 from kmpc_lite.learn.dataset import CHUNK
 from kmpc_lite.learn.episode import MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
+    CAR_OMEGA,
     COLUMNS,
     QUATERNION,
     WAYS,
@@ -36,7 +37,7 @@ from kmpc_lite.learn.logs import (
     parse_units,
     row_number,
 )
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 WRITTEN = (".csv", ".npz")
 MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
@@ -158,6 +159,8 @@ def _commands(
         if "lateral" in kinds and largest["lateral"] < SIDEWAYS * largest["v"]:
             kinds = ("v", "omega")
             notes.append(f"{found.shown('lateral')} is next to nothing: this is no omni")
+        elif "lateral" in kinds:
+            notes.append('three speeds, an omni: wheels = {kind = "omni"}')
         return np.column_stack([columns[name] for name in kinds]), kinds, tuple(notes)
     if options.track is None:
         raise DataError(
@@ -237,6 +240,13 @@ def _check(
         )
 
 
+def _written_columns(episode: Episode) -> tuple[str, ...]:
+    """Names by which a table tells a car's log, and an omni's."""
+    *pose, v, omega = COLUMNS
+    aside = ("lateral",) * (episode.inputs.shape[1] - INPUTS)
+    return (*pose, v, *aside, CAR_OMEGA if episode.steered else omega)
+
+
 def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None:
     """Write episodes one after another, parted by gaps in time; see `Dataset.save`."""
     file = Path(path)
@@ -249,6 +259,7 @@ def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None
         raise DataError(
             f"{file}: {rows:,} rows, a log holds at most {MAX_ROWS:,}: split the dataset"
         )
+    names = _written_columns(episodes[0])
     tables, start = [], 0.0
     for e in episodes:
         time = start + np.arange(len(e) + 1) * e.dt
@@ -262,13 +273,13 @@ def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None
                 writer = csv.writer(
                     text, lineterminator="\n"
                 )  # floats with as few digits as bring them back exactly
-                writer.writerow(COLUMNS)
+                writer.writerow(names)
                 for k in range(0, len(table), CHUNK):
                     writer.writerows(table[k : k + CHUNK].tolist())
                 text.detach()
             else:
                 np.savez_compressed(
-                    out, allow_pickle=False, **dict(zip(COLUMNS, table.T, strict=True))
+                    out, allow_pickle=False, **dict(zip(names, table.T, strict=True))
                 )
     except (OSError, ValueError) as error:
         raise DataError(

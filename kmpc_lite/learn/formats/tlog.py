@@ -16,6 +16,7 @@ from kmpc_lite.learn.formats.streams import (
     local_metres,
     make_log,
     pick,
+    steers,
     with_heading,
 )
 from kmpc_lite.learn.logs import Log, ReadOptions, Series
@@ -45,6 +46,7 @@ WIDTHS = {
     "RC_CHANNELS": 2,
 }
 """Messages that are read, and how many values of each."""
+SETTING = "PARAM_VALUE"
 POSES = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
 COMMANDS = tuple(WIDTHS)[3:]
 """In the order in which they are preferred."""
@@ -85,11 +87,12 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
     """
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-    numbers = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in WIDTHS}
+    numbers = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*WIDTHS, SETTING)}
     decoder = dialect.MAVLink(None)
     decoder.robust_parsing = True
     kept = {name: Thinned(width, options.spacing) for name, width in WIDTHS.items()}
     counts: dict[int, int] = {}
+    settings: dict[str, float] = {}
     vehicle: int | None = None
     with open_regular(path) as file:
         for time, number, frame in frames(file):
@@ -99,6 +102,9 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
             message = _decoded(decoder, frame)
             name = numbers[number]
             if message is None or message.get_type() != name:
+                continue
+            if name == SETTING:
+                settings[message.param_id] = message.param_value
                 continue
             sender = message.get_srcSystem()
             if name in POSES and vehicle is None:
@@ -111,7 +117,8 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
                 kept[name].add(time, *values)
     if not counts:
         raise DataError(f"{path}: no MAVLink frame in it: not a tlog, or empty")
-    return _log(path, options, {n: k.rows() for n, k in kept.items()}, _names(dialect, counts))
+    rows, seen = {n: k.rows() for n, k in kept.items()}, _names(dialect, counts)
+    return _log(path, options, rows, seen, steers(settings))
 
 
 def _is_for_another(message: Any, vehicle: int | None) -> bool:
@@ -162,7 +169,11 @@ def _stick(pulse: int) -> float:
 
 
 def _log(
-    path: Path, options: ReadOptions, rows: Mapping[str, Array], counts: Mapping[str, int]
+    path: Path,
+    options: ReadOptions,
+    rows: Mapping[str, Array],
+    counts: Mapping[str, int],
+    car: bool,
 ) -> Log:
     """Poses and commands of what is there."""
     seen = ", ".join(list(counts)[:12])
@@ -177,4 +188,5 @@ def _log(
     found = with_heading(where, rows["ATTITUDE"])
     held = Series(rows[source][:, 0], rows[source][:, 1:], source)
     topics = counted_topics("MAVLink", counts, found[:, 0])
-    return make_log(path, found, f"{chosen}, ATTITUDE", held, source != COMMANDS[0], topics)
+    shares = source != COMMANDS[0]
+    return make_log(path, found, f"{chosen}, ATTITUDE", held, shares, topics, car)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from kmpc_lite.errors import ModelError
 from kmpc_lite.types import INPUTS, Array
 
 MAX_SIZE = 10_000
@@ -83,6 +84,25 @@ class Dictionary(Protocol):
     def config(self) -> dict[str, Any]:
         """Give the constructor arguments, as values that JSON can hold."""
         return {}
+
+
+class AnyWheels(Dictionary):
+    """A dictionary for robots whose commands are two numbers, or three."""
+
+    def __init__(self, commands: int = INPUTS) -> None:
+        if commands not in (INPUTS, INPUTS + 1):
+            who = type(self).__name__
+            raise ModelError(f"{who}: commands: expected 2 or 3, got {commands!r}")
+        self._commands = int(commands)
+
+    @property
+    def commands(self) -> int:
+        """Numbers of a command."""
+        return self._commands
+
+    def config(self) -> dict[str, Any]:
+        """Give the constructor's arguments, if they are not the usual ones."""
+        return {} if self._commands == INPUTS else {"commands": self._commands}
 
 
 class LiftedAsBase(Dictionary):

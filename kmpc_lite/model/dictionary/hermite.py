@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import ModelError
-from kmpc_lite.model.dictionary.base import MAX_SIZE, Dictionary
-from kmpc_lite.types import Array
+from kmpc_lite.model.dictionary.base import MAX_SIZE, AnyWheels
+from kmpc_lite.types import INPUTS, Array
 
 
-class HermiteTrigDictionary(Dictionary):
+class HermiteTrigDictionary(AnyWheels):
     """Hermite polynomials of the pose times trigonometric functions of the heading (ACD-EDMD).
 
     All products ``He_i(x) He_j(y) He_k(theta) * {1, cos(m theta), sin(m theta)}`` with
@@ -27,6 +27,8 @@ class HermiteTrigDictionary(Dictionary):
         Highest total degree of the polynomials, >= 0.
     harmonics : int
         Highest multiple of the heading, >= 0.
+    commands : int
+        Numbers of a command: 2, or 3 of a robot that drives sideways, too.
 
     Examples
     --------
@@ -38,7 +40,8 @@ class HermiteTrigDictionary(Dictionary):
 
     kind = "hermite_trig"
 
-    def __init__(self, order: int = 1, harmonics: int = 1) -> None:
+    def __init__(self, order: int = 1, harmonics: int = 1, commands: int = INPUTS) -> None:
+        super().__init__(commands)
         if not (
             0 <= order <= MAX_SIZE
             and 0 <= harmonics <= MAX_SIZE
@@ -142,5 +145,5 @@ class HermiteTrigDictionary(Dictionary):
         return by_all.reshape(*x.shape[:-1], self.size, 4)
 
     def config(self) -> dict[str, Any]:
-        """Order and harmonics."""
-        return {"order": self.order, "harmonics": self.harmonics}
+        """Give the constructor's arguments."""
+        return {"order": self.order, "harmonics": self.harmonics, **super().config()}

@@ -18,21 +18,13 @@ import numpy as np
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, LiftedAsBase, dictionary_to_config
 from kmpc_lite.model.dictionary.curvature import held_curvatures
-from kmpc_lite.types import INPUTS, Array
-
-LINEAR = ("v", "omega")
-"""Terms of a robot that does not slip."""
-SLIP = (
-    "v*omega",
-    "v*|omega|",
-    "v*omega^2",
-    "v*|v|",
-    "omega*|omega|",
-    "omega^3",
-    "v^2*omega",
+from kmpc_lite.model.dictionary.terms import (
+    LINEAR,
+    differentiate_terms,
+    evaluate_terms,
+    terms_of,
 )
-"""Terms by which a robot slips; each vanishes at rest."""
-TERMS = LINEAR + SLIP
+from kmpc_lite.types import INPUTS, Array
 
 
 class ResponseDictionary(LiftedAsBase):
@@ -47,13 +39,14 @@ class ResponseDictionary(LiftedAsBase):
     base : Dictionary
         How the pose is lifted.
     speed, turn : sequence of float
-        Weights of the present and of past commands, newest first, for v and for omega.
+        Weights of the present and of past commands, newest first: for v, which are an omni's for
+        its speed to the left, too, and for omega.
     terms : sequence of str
-        Which of `TERMS` the model is bilinear in, in this order.
-    smoothing : tuple of float
-        eps for v [m/s] and for omega [rad/s], > 0.
-    limits : tuple of float
-        Largest |v| [m/s] and |omega| [rad/s] that the slip terms follow.
+        Which of `terms_of` its commands the model is bilinear in, in this order.
+    smoothing : sequence of float
+        eps of each number of a command [m/s, rad/s], > 0.
+    limits : sequence of float
+        Largest size of each that the slip terms follow [m/s, rad/s].
     steered : bool
         Whether `turn` weighs the curvatures of a car's commands instead of their turn rates.
 
@@ -74,33 +67,36 @@ class ResponseDictionary(LiftedAsBase):
         speed: Sequence[float] = (1.0,),
         turn: Sequence[float] = (1.0,),
         terms: Sequence[str] = LINEAR,
-        smoothing: tuple[float, float] = (0.05, 0.05),
-        limits: tuple[float, float] = (1e6, 1e6),
+        smoothing: Sequence[float] = (0.05, 0.05),
+        limits: Sequence[float] = (1e6, 1e6),
         steered: bool = False,
     ) -> None:
         if base.history:
             raise ModelError("ResponseDictionary: its base must not have an input history itself")
         self.base = base
         self.speed, self.turn = _weights("speed", speed), _weights("turn", turn)
-        self.terms = tuple(terms)
+        m, self.terms = base.commands, tuple(terms)
+        known = terms_of(m)
         if (
             not self.terms
             or len(set(self.terms)) != len(self.terms)
-            or not set(self.terms) <= set(TERMS)
+            or not set(self.terms) <= set(known)
         ):
             raise ModelError(
-                f"ResponseDictionary: terms must be different ones of {TERMS}, got {terms}"
+                f"ResponseDictionary: terms must be different ones of {known}, got {terms}"
             )
-        self.smoothing = _two("smoothing", smoothing)
-        self.limits = _two("limits", limits)
+        self.smoothing = _positive("smoothing", smoothing, m)
+        self.limits = _positive("limits", limits, m)
         self.steered = bool(steered)
+        if self.steered and m != INPUTS:
+            raise ModelError("ResponseDictionary: a robot that drives sideways is not steered")
         self._history = max(len(self.speed), len(self.turn)) - 1
-        # (1 + L, 2), newest first; the past ones oldest first too, as histories come
-        self.kernel = np.zeros((1 + self._history, INPUTS))
-        self.kernel[: len(self.speed), 0] = self.speed
-        self.kernel[: len(self.turn), 1] = self.turn
+        # (1 + L, m), newest first; the past ones oldest first too, as histories come
+        self.kernel = np.zeros((1 + self._history, m))
+        self.kernel[: len(self.speed), :-1] = np.array(self.speed)[:, None]
+        self.kernel[: len(self.turn), -1] = self.turn
         self._past = np.ascontiguousarray(self.kernel[:0:-1])
-        self._columns = np.array([TERMS.index(t) for t in self.terms])
+        self._columns = np.array([known.index(t) for t in self.terms])
 
     @property
     def history(self) -> int:
@@ -113,7 +109,7 @@ class ResponseDictionary(LiftedAsBase):
         return len(self.terms)
 
     def answered(self, u: Array, history: Array | None = None) -> Array:
-        """Filtered commands (vbar, omegabar), (..., 2): what the motors make of the commands."""
+        """Filtered commands (vbar, omegabar), (..., m): what the motors make of the commands."""
         if self.steered:
             return self._steered(u, history)[0]
         now: Array = u * self.kernel[0]
@@ -130,7 +126,7 @@ class ResponseDictionary(LiftedAsBase):
         return w
 
     def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array | None:
-        """Differentiate `inputs`: (..., nw, 1 + L, 2), by the command of each age, newest first."""
+        """Differentiate `inputs`: (..., nw, 1 + L, m), by the command of each age, newest first."""
         if self.steered:
             answered, by_command = self._steered(u, history)
         else:
@@ -179,52 +175,6 @@ class ResponseDictionary(LiftedAsBase):
         }
 
 
-def evaluate_terms(
-    answered: Array, smoothing: tuple[float, float], limits: tuple[float, float]
-) -> Array:
-    """All `TERMS` of filtered commands (..., 2): (..., 9)."""
-    out = np.empty((*answered.shape[:-1], len(TERMS)))
-    out[..., :2] = answered
-    v = np.clip(answered[..., 0], -limits[0], limits[0])
-    o = np.clip(answered[..., 1], -limits[1], limits[1])
-    vv, oo = v * v, o * o
-    out[..., 2] = v * o
-    size = oo / np.sqrt(oo + smoothing[1] ** 2)
-    out[..., 3] = v * size
-    out[..., 4] = v * oo
-    out[..., 5] = v * (vv / np.sqrt(vv + smoothing[0] ** 2))
-    out[..., 6] = o * size
-    out[..., 7] = o * oo
-    out[..., 8] = vv * o
-    return out
-
-
-def differentiate_terms(
-    answered: Array, smoothing: tuple[float, float], limits: tuple[float, float]
-) -> Array:
-    """Differentiate `evaluate_terms` by vbar and omegabar: (..., 9, 2)."""
-    out = np.zeros((*answered.shape[:-1], len(TERMS), INPUTS))
-    out[..., 0, 0] = out[..., 1, 1] = 1.0
-    v = np.clip(answered[..., 0], -limits[0], limits[0])
-    o = np.clip(answered[..., 1], -limits[1], limits[1])
-    vv, oo = v * v, o * o
-    o_root = oo + smoothing[1] ** 2
-    size = oo / np.sqrt(o_root)
-    size_slope = o * (oo + 2.0 * smoothing[1] ** 2) / (o_root * np.sqrt(o_root))
-    v_root = vv + smoothing[0] ** 2
-    v_size = vv / np.sqrt(v_root)
-    out[..., 2, 0], out[..., 2, 1] = o, v
-    out[..., 3, 0], out[..., 3, 1] = size, v * size_slope
-    out[..., 4, 0], out[..., 4, 1] = oo, 2.0 * v * o
-    out[..., 5, 0] = v_size + vv * (vv + 2.0 * smoothing[0] ** 2) / (v_root * np.sqrt(v_root))
-    out[..., 6, 1] = size + o * size_slope
-    out[..., 7, 1] = 3.0 * oo
-    out[..., 8, 0], out[..., 8, 1] = 2.0 * v * o, vv
-    out[..., 2:, 0] *= np.abs(answered[..., :1]) <= limits[0]
-    out[..., 2:, 1] *= np.abs(answered[..., 1:]) <= limits[1]
-    return out
-
-
 def _weights(name: str, values: Sequence[float]) -> tuple[float, ...]:
     """Check the weights of one answer."""
     weights = tuple(float(v) for v in values)
@@ -236,12 +186,12 @@ def _weights(name: str, values: Sequence[float]) -> tuple[float, ...]:
     return weights
 
 
-def _two(name: str, values: Sequence[float]) -> tuple[float, float]:
-    """Check two positive numbers."""
-    pair = tuple(float(v) for v in values)
-    if len(pair) != INPUTS or not (np.isfinite(pair).all() and min(pair) > 0.0):
+def _positive(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    """Check so many positive numbers."""
+    found = tuple(float(v) for v in values)
+    if len(found) != count or not (np.isfinite(found).all() and min(found) > 0.0):
         raise ModelError(
-            f"ResponseDictionary: {name}: expected two numbers > 0, for v and omega, "
-            f"got {values!r:.60}"
+            f"ResponseDictionary: {name}: expected {count} numbers > 0, one for each of a "
+            f"command, got {values!r:.60}"
         )
-    return pair[0], pair[1]
+    return found

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from kmpc_lite.errors import ModelError
-from kmpc_lite.model.dictionary.base import Dictionary
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.model.dictionary.base import AnyWheels
+from kmpc_lite.types import Array
 
 
-class UnicycleDictionary(Dictionary):
+class UnicycleDictionary(AnyWheels):
     """The paper's minimal dictionary, ``[1, x, y, theta, cos theta, sin theta]`` (sec. IV).
 
     Parameters
@@ -26,21 +23,6 @@ class UnicycleDictionary(Dictionary):
     """
 
     kind = "unicycle"
-    _commands = INPUTS
-
-    def __init__(self, commands: int = INPUTS) -> None:
-        if commands not in (INPUTS, INPUTS + 1):
-            raise ModelError(f"UnicycleDictionary: commands: expected 2 or 3, got {commands!r}")
-        self._commands = int(commands)
-
-    @property
-    def commands(self) -> int:
-        """Numbers of a command."""
-        return self._commands
-
-    def config(self) -> dict[str, Any]:
-        """Give the constructor's arguments, if they are not the usual ones."""
-        return {} if self._commands == INPUTS else {"commands": self._commands}
 
     @property
     def names(self) -> tuple[str, ...]:

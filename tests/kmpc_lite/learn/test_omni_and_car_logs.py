@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers import foreign_logs
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
@@ -196,3 +197,38 @@ def test_a_bag_with_steering_angles_is_a_cars(tmp_path):
     told: list[str] = []
     data = load_logs([tmp_path / "bag"], 0.1, tell=told.append)
     assert data.steered and any("a car; wheelbase 0.3" in line for line in told), told
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_saved_logs_of_cars_and_omnis_are_learned_to_the_same_model(tmp_path, ending):
+    car = load_logs([written(tmp_path, car_rows())], 0.1)
+    for name, log in (("car", car), ("omni", omni_log(episodes=4))):
+        log.save(tmp_path / (name + ending))
+        again = kl.Dataset.load(tmp_path / (name + ending))
+        assert again.steered == log.steered and again.commands == log.commands
+        ours, theirs = (kl.fit(d, lags="auto", noise=False) for d in (log, again))
+        assert ours.dictionary.config() == theirs.dictionary.config()
+        np.testing.assert_array_equal(ours.H, theirs.H)
+
+
+def as_drive(rows, shares):
+    """What an ArduPilot was told: speeds and turn rates, or shares of throttle and of its servo."""
+    t, v, curvature = rows[:, 0], rows[:, 4], np.tan(rows[:, 5]) / 0.33
+    told = 0.8 * curvature if shares else v * curvature
+    return foreign_logs.Drive(t, rows[:, 1:4], t, np.column_stack([v, told]))
+
+
+@pytest.mark.parametrize("shares", [False, True], ids=["wanted speeds", "outputs"])
+@pytest.mark.parametrize("kind", ["bin", "tlog"])
+def test_an_autopilot_whose_servo_steers_is_a_cars(tmp_path, kind, shares):
+    drive, file = as_drive(car_rows(), shares), tmp_path / f"car.{kind}"
+    if kind == "bin":
+        foreign_logs.write_dataflash(file, drive, desired=not shares, car=True)
+    else:
+        pytest.importorskip("pymavlink")
+        foreign_logs.write_tlog(file, drive, "sticks" if shares else "set_point", car=True)
+    data = load_logs([file], 0.1)
+    assert data.steered
+    model = kl.fit(data, lags="auto")
+    past = np.tile((0.5, 0.5), (model.history, 1))
+    assert model.predict((0, 0, 0), (0.5, 0.5), past)[2] == pytest.approx(0.05, rel=0.2)

@@ -19,7 +19,7 @@ from kmpc_lite.learn.cross_validation import (
 )
 from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
 from kmpc_lite.learn.selection import cut_for, select
-from kmpc_lite.model.dictionary.response import TERMS
+from kmpc_lite.model.dictionary.terms import TERMS
 
 TRIG = kl.HermiteTrigDictionary(0)
 

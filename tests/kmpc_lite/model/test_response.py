@@ -8,38 +8,50 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.model.dictionary.response import TERMS, ResponseDictionary
+from kmpc_lite.model.dictionary.response import ResponseDictionary
+from kmpc_lite.model.dictionary.terms import OMNI_TERMS, TERMS
 
 TRIG = kl.HermiteTrigDictionary(0)
 LATE = ResponseDictionary(TRIG, (0.2, 0.5, 0.3), (0.6, 0.4), TERMS, (0.1, 0.2), (1.5, 2.0))
 
 
-def some(count: int = 40) -> tuple[np.ndarray, np.ndarray]:
+OMNI = ResponseDictionary(
+    kl.HermiteTrigDictionary(0, commands=3),
+    *((0.2, 0.5, 0.3), (0.6, 0.4), OMNI_TERMS, (0.1, 0.1, 0.2), (1.5, 1.2, 2.0)),
+)
+
+
+def some(count: int = 40, commands: int = 2) -> tuple[np.ndarray, np.ndarray]:
     """Commands inside and outside the limits, with a history."""
     random = np.random.default_rng(0)
-    return 1.5 * random.normal(size=(count, 2)), 1.5 * random.normal(size=(count, 2, 2))
+    u = 1.5 * random.normal(size=(count, commands))
+    return u, 1.5 * random.normal(size=(count, 2, commands))
 
 
-def test_the_derivative_is_that_of_the_inputs() -> None:
-    u, past = some()
-    jacobian, step = LATE.inputs_jacobian(u, past), 1e-6
-    assert jacobian is not None and jacobian.shape == (40, 9, 3, 2)
+@pytest.mark.parametrize("late", [LATE, OMNI], ids=["two speeds", "omni"])
+def test_the_derivative_is_that_of_the_inputs(late: ResponseDictionary) -> None:
+    u, past = some(commands=late.commands)
+    jacobian, step = late.inputs_jacobian(u, past), 1e-6
+    assert jacobian is not None and jacobian.shape == (40, len(late.terms), 3, late.commands)
     for age in range(3):
-        for column in range(2):
+        for column in range(late.commands):
             ends = []
             for sign in (1, -1):
                 now, before = u.copy(), past.copy()
                 (now if age == 0 else before[:, -age])[:, column] += sign * step
-                ends.append(LATE.inputs(now, before))
+                ends.append(late.inputs(now, before))
             found = (ends[0] - ends[1]) / (2 * step)
             np.testing.assert_allclose(jacobian[:, :, age, column], found, atol=1e-7)
 
 
-def test_at_rest_every_term_and_the_slope_of_every_slip_term_is_zero() -> None:
-    zero, none = np.zeros(2), np.zeros((2, 2))
-    assert not LATE.inputs(zero, none).any()
-    slopes = LATE.inputs_jacobian(zero, none)
-    assert slopes is not None and not slopes[2:].any()
+@pytest.mark.parametrize("late", [LATE, OMNI], ids=["two speeds", "omni"])
+def test_at_rest_every_term_and_the_slope_of_every_slip_term_is_zero(
+    late: ResponseDictionary,
+) -> None:
+    zero, none = np.zeros(late.commands), np.zeros((2, late.commands))
+    assert not late.inputs(zero, none).any()
+    slopes = late.inputs_jacobian(zero, none)
+    assert slopes is not None and not slopes[late.commands :].any()
 
 
 def test_slip_terms_stay_where_the_log_ended_and_are_even_or_odd_as_named() -> None:
@@ -47,15 +59,15 @@ def test_slip_terms_stay_where_the_log_ended_and_are_even_or_odd_as_named() -> N
     far, edge = plain.inputs(np.array([9.0, -7.0])), plain.inputs(np.array([1.5, -2.0]))
     np.testing.assert_array_equal(far[2:], edge[2:])
     there, mirrored = plain.inputs(np.array([1.0, 0.7])), plain.inputs(np.array([1.0, -0.7]))
-    even = ("v", "v*|omega|", "v*omega^2", "v*|v|")
+    even = ("v", "v*|omega|", "v*omega^2", "v*|v|", "|v|")
     odd = np.array([t not in even for t in TERMS])
     np.testing.assert_allclose(mirrored, np.where(odd, -there, there), atol=1e-15)
 
 
 def test_a_model_with_it_linearises_and_comes_back_from_its_file(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
-    h = random.normal(size=(3, 27))
-    zeros = np.zeros((3, 3)), np.zeros((3, 9))
+    h = random.normal(size=(3, 33))
+    zeros = np.zeros((3, 3)), np.zeros((3, 11))
     model = kl.KoopmanModel(LATE, 0.1, *zeros, h, np.eye(3), continuous=True)
     model.save(tmp_path / "late.npz")
     again = kl.KoopmanModel.load(tmp_path / "late.npz")
@@ -78,8 +90,8 @@ def test_a_model_with_it_linearises_and_comes_back_from_its_file(tmp_path: Path)
         ({"turn": (float("nan"),)}, "turn: expected 1 to"),
         ({"terms": ("v", "v")}, "terms must be different ones"),
         ({"terms": ("speed",)}, "terms must be different ones"),
-        ({"smoothing": (0.0, 1.0)}, "smoothing: expected two numbers > 0"),
-        ({"limits": (1.0,)}, "limits: expected two numbers > 0"),
+        ({"smoothing": (0.0, 1.0)}, "smoothing: expected 2 numbers > 0"),
+        ({"limits": (1.0,)}, "limits: expected 2 numbers > 0"),
         ({"base": LATE}, "must not have an input history"),
     ],
 )
