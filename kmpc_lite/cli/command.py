@@ -21,7 +21,7 @@ from kmpc_lite.errors import KmpcError, did_you_mean
 ENTRY_POINTS = "kmpc.commands"
 ROBOT = (
     *("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "signing", "ros2"),
-    "export",
+    *("export", "onboard"),
 )
 """Commands of a robot, in the order in which the help shows them."""
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate", "latency", "experiments")
