@@ -13,7 +13,6 @@
 static const real LARGEST = R(1e10), INFINITE = R(1e20), LEAST_SHARE = R(0.1);
 
 static int rho_is_adapted;
-static real last_share = 1; /* of the terminal weight, that the solver has */
 static real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
 
 void kmpc_duals_in_the_open(real *duals)
@@ -63,19 +62,17 @@ static const char *fault(void)
     return NULL;
 }
 
-/* Let a share of the terminal weight count. */
-static int weigh_last(real share)
+/* Give OSQP the matrices: constraints, and the share of the terminal weight that counts. */
+static int update_matrices(real share)
 {
     OSQPFloat weights[KMPC_LAST_WEIGHTS];
     OSQPInt places[KMPC_LAST_WEIGHTS];
-    if (share == last_share)
-        return 0;
     for (int i = 0; i < KMPC_LAST_WEIGHTS; i++) {
         weights[i] = share * K.last_weight[i];
         places[i] = KMPC_LAST_WEIGHT + i;
     }
-    last_share = share;
-    return osqp_update_data_mat(&kmpc_solver, weights, places, KMPC_LAST_WEIGHTS, NULL, NULL, 0);
+    return osqp_update_data_mat(&kmpc_solver, weights, places, KMPC_LAST_WEIGHTS, entries, NULL,
+                                KMPC_ENTRIES);
 }
 
 /* One pass from an iterate: what its QP finds; the reason if it failed, null else. */
@@ -115,8 +112,8 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
     const char *wrong = fault();
     if (wrong)
         return wrong;
-    if (weigh_last(way->share_at_goal) || osqp_update_data_vec(&kmpc_solver, q, lower, upper) ||
-        osqp_update_data_mat(&kmpc_solver, NULL, NULL, 0, entries, NULL, KMPC_ENTRIES))
+    if (osqp_update_data_vec(&kmpc_solver, q, lower, upper) ||
+        update_matrices(way->share_at_goal))
         return "OSQP refused the data";
     osqp_warm_start(&kmpc_solver, start, duals);
     osqp_solve(&kmpc_solver);
