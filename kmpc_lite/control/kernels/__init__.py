@@ -47,7 +47,7 @@ class Kernels:
     follow: Callable[..., tuple[Array, Array]]
     told_beams: Callable[..., tuple[Array, Array, Array, Array]]
     averaged_ranges: Callable[..., tuple[Array, Array]]
-    see_through: Callable[..., None]
+    pass_rays: Callable[..., None]
     mark: Callable[..., None]
     hit_boxes: Callable[..., tuple[Array, Array]]
     rectangles: Callable[[Array], Array]
@@ -76,7 +76,7 @@ NUMPY = Kernels(
     follow=tracks.follow,
     told_beams=scan_beams.told_beams,
     averaged_ranges=scan_beams.averaged_ranges,
-    see_through=scan_map.see_through,
+    pass_rays=scan_map.pass_rays,
     mark=scan_map.mark,
     hit_boxes=scan_map.hit_boxes,
     rectangles=scan_map.rectangles,

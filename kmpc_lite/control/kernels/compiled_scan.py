@@ -73,21 +73,23 @@ def averaged_ranges(
     return found
 
 
-def see_through(
+def pass_rays(
     state: Cells,
     seen: Singles,
     extent: Singles,
-    window: tuple[int, int, int, int],
     place: tuple[float, int, int],
+    low: tuple[float, float],
+    high: tuple[float, float],
     origin: tuple[float, float],
     turn: tuple[float, float],
     squares: Singles,
+    distance: float,
+    farther: bool,
     clock: float,
-    only_hit: bool,
 ) -> None:
-    """As `scan_map.see_through`."""
-    cells, width = (state, seen, extent), state.shape[1]
-    c.see_through(*cells, squares, width, window, place, origin, turn, clock, only_hit)
+    """As `scan_map.pass_rays`."""
+    where = state.shape[1], place, low, high, origin, turn
+    c.pass_rays(state, seen, extent, squares, *where, distance, farther, clock)
 
 
 def mark(

@@ -5,6 +5,8 @@ Sizes: a map of H by W cells, at most 400 by 400.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,8 @@ NOTHING = 1e-15
 Bits = NDArray[np.bool_]
 Cells = NDArray[np.int8]
 Singles = NDArray[np.float32]
+Window = tuple[int, int, int, int]
+"""First row and the one behind the last, the same of columns."""
 
 
 def numbers_of(x: Singles, y: Singles) -> NDArray[np.intp]:
@@ -37,11 +41,70 @@ def numbers_of(x: Singles, y: Singles) -> NDArray[np.intp]:
     return turn.astype(np.intp)
 
 
+def window_between(
+    low: tuple[float, float],
+    high: tuple[float, float],
+    place: tuple[float, int, int],
+    shape: tuple[int, int],
+) -> Window:
+    """Rows and columns of the cells between two corners, of a map of so many rows and columns."""
+    (left, bottom), (right, top), (height, width) = low, high, shape
+    cell, column, row = place
+    bottom, left = math.floor(bottom / cell) - row, math.floor(left / cell) - column
+    top, right = math.floor(top / cell) - row + 1, math.floor(right / cell) - column + 1
+    rows = min(max(bottom, 0), height), min(max(top, 0), height)
+    return *rows, min(max(left, 0), width), min(max(right, 0), width)
+
+
+def pass_rays(
+    state: Cells,
+    seen: Singles,
+    extent: Singles,
+    place: tuple[float, int, int],
+    low: tuple[float, float],
+    high: tuple[float, float],
+    origin: tuple[float, float],
+    turn: tuple[float, float],
+    squares: Singles,
+    distance: float,
+    farther: bool,
+    clock: float,
+) -> None:
+    """Take note of what rays passed through (`see_through`); farther away only of what was hit.
+
+    Parameters
+    ----------
+    state, seen, extent, place, origin, turn, squares, clock
+        As of `see_through`.
+    low, high : tuple of float
+        Corners of the area that no ray has left [m].
+    distance : float
+        From the origin, along each axis, up to which all cells are looked at [m].
+    farther : bool
+        Whether those farther away are looked at.
+    """
+    (x, y), shape = origin, (state.shape[0], state.shape[1])
+    near_low = max(low[0], x - distance), max(low[1], y - distance)
+    near_high = min(high[0], x + distance), min(high[1], y + distance)
+    near = window_between(near_low, near_high, place, shape)
+    see_through(state, seen, extent, near, place, origin, turn, squares, clock, False)
+    if not farther:
+        return
+    (top, bottom, left, right), far = near, window_between(low, high, place, shape)
+    sides: list[Window] = [far]
+    if top < bottom and left < right:
+        first, last, begin, end = far
+        sides = [(first, top, begin, end), (bottom, last, begin, end)]
+        sides += [(top, bottom, begin, left), (top, bottom, right, end)]
+    for side in sides:
+        see_through(state, seen, extent, side, place, origin, turn, squares, clock, True)
+
+
 def see_through(
     state: Cells,
     seen: Singles,
     extent: Singles,
-    window: tuple[int, int, int, int],
+    window: Window,
     place: tuple[float, int, int],
     origin: tuple[float, float],
     turn: tuple[float, float],
@@ -61,8 +124,8 @@ def see_through(
         (H, W) when each was seen last; changed.
     extent : ndarray
         (H, W, 4) box around what was hit in each cell, from its lower corner [m].
-    window : tuple of int
-        First row and the one behind the last, the same of columns, that are looked at.
+    window : Window
+        That is looked at.
     place : tuple
         Side of a cell [m]; number of the first column and of the first row in the world.
     origin : tuple of float

@@ -140,8 +140,10 @@ class GoalCheckerState:
 
 def content_with(tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
     """Tolerances of a robot that has not got nearer for so many stalls."""
-    times = min(max(stalls - CONTENT_STALLS + 2, 1), CONTENT_MOST)
-    return tolerances if times == 1 else widened(tolerances, times, times)
+    if stalls < CONTENT_STALLS:
+        return tolerances
+    times = min(stalls - CONTENT_STALLS + 2, CONTENT_MOST)
+    return widened(tolerances, times, times)
 
 
 def holds(

@@ -223,8 +223,15 @@ struct kmpc_cells {
     float *taken;       /* (height, width) when it was hit that was free; null if nobody asks */
 };
 
-void kmpc_see_through(const struct kmpc_cells *c, const int *window, const real *origin,
-                      const real *turn, const float *squares, int only_hit);
+struct kmpc_rays {
+    real low[2], high[2];    /* corners of the area that none has left */
+    real origin[2], turn[2]; /* the scanner; cosine and sine of the directions' frame */
+    const float *squares;    /* (KMPC_DIRECTIONS + 1) square of how far they passed */
+    real distance;           /* up to which all cells are looked at, along each axis */
+    int farther;             /* whether those farther away are, for what was hit there */
+};
+
+void kmpc_pass_rays(const struct kmpc_cells *c, const struct kmpc_rays *rays);
 void kmpc_mark(const struct kmpc_cells *c, int count, const real *points, const real *errors,
                int level);
 int kmpc_hit_boxes(const struct kmpc_cells *c, const int *window, real *low, real *high);

@@ -446,21 +446,22 @@ static int cells_of(struct kmpc_cells *c, const Py_buffer *state, const Py_buffe
                         window[3] <= c->width));
 }
 
-static PyObject *see_through(PyObject *self, PyObject *args)
+static PyObject *pass_rays(PyObject *self, PyObject *args)
 {
     Py_buffer b[4]; /* state, seen, extent, squares */
     struct kmpc_cells c = {0};
-    int window[4], only_hit;
-    double origin[2], turn[2];
+    struct kmpc_rays r = {0};
     (void)self;
-    if (!PyArg_ParseTuple(args, "w*w*y*y*i(iiii)(dii)(dd)(dd)dp", b, b + 1, b + 2, b + 3, &c.width,
-                          window, window + 1, window + 2, window + 3, &c.cell, &c.column, &c.row,
-                          origin, origin + 1, turn, turn + 1, &c.clock, &only_hit))
+    if (!PyArg_ParseTuple(args, "w*w*y*y*i(dii)(dd)(dd)(dd)(dd)dpd", b, b + 1, b + 2, b + 3,
+                          &c.width, &c.cell, &c.column, &c.row, r.low, r.low + 1, r.high,
+                          r.high + 1, r.origin, r.origin + 1, r.turn, r.turn + 1, &r.distance,
+                          &r.farther, &c.clock))
         return NULL;
-    const int fits = cells_of(&c, b, b + 1, b + 2, NULL, window) &&
+    const int fits = cells_of(&c, b, b + 1, b + 2, NULL, NULL) &&
                      b[3].len == (Py_ssize_t)sizeof(float) * (KMPC_DIRECTIONS + 1);
+    r.squares = b[3].buf;
     if (fits)
-        kmpc_see_through(&c, window, origin, turn, b[3].buf, only_hit);
+        kmpc_pass_rays(&c, &r);
     return done(b, 4, fits);
 }
 
@@ -561,7 +562,7 @@ static PyMethodDef kernels[] = {
     KERNEL(fill),
     KERNEL(stop_errors),   KERNEL(samples),         KERNEL(between_samples),
     KERNEL(surely_clear),  KERNEL(admissible),      KERNEL(clusters),        KERNEL(follow),
-    KERNEL(told_beams),    KERNEL(averaged_ranges), KERNEL(see_through),
+    KERNEL(told_beams),    KERNEL(averaged_ranges), KERNEL(pass_rays),
     KERNEL(mark),          KERNEL(hit_boxes),       KERNEL(rectangles),
     KERNEL(locate),        KERNEL(along_path),
     {NULL, NULL, 0, NULL},

@@ -19,10 +19,10 @@ static int passed(const real *point, const real *origin, const float *turn, cons
     return squares[at] >= x * x + y * y;
 }
 
-void kmpc_see_through(const struct kmpc_cells *c, const int *window, const real *origin,
-                      const real *turn, const float *squares, int only_hit)
+static void see_through(const struct kmpc_cells *c, const struct kmpc_rays *rays,
+                        const int *window, int only_hit)
 {
-    const float turned[2] = {(float)turn[0], (float)turn[1]};
+    const float turned[2] = {(float)rays->turn[0], (float)rays->turn[1]};
     for (int row = window[0]; row < window[1]; row++)
         for (int column = window[2]; column < window[3]; column++) {
             const long cell = (long)row * c->width + column;
@@ -38,12 +38,57 @@ void kmpc_see_through(const struct kmpc_cells *c, const int *window, const real 
                 for (int i = 0; i < 2; i++)
                     point[i] = R(0.5) * ((low[i] + (real)box[i]) + (low[i] + (real)box[2 + i]));
             }
-            if (!passed(point, origin, turned, squares))
+            if (!passed(point, rays->origin, turned, rays->squares))
                 continue;
             *state = (signed char)(*state > 0 ? *state - 1 : 0);
             if (!only_hit && c->seen[cell] < (float)c->clock)
                 c->seen[cell] = (float)c->clock;
         }
+}
+
+static int clipped(real number, int most)
+{
+    return number > 0 ? number < (real)most ? (int)number : most : 0;
+}
+
+/* First row and the one behind the last, the same of columns, between two corners. */
+static void window_between(const struct kmpc_cells *c, const real *low, const real *high,
+                           int *window)
+{
+    for (int i = 0; i < 2; i++) {
+        const int axis = 1 - i, most = i ? c->width : c->height;
+        const real first = (real)(i ? c->column : c->row);
+        window[2 * i] = clipped(M(floor)(low[axis] / c->cell) - first, most);
+        window[2 * i + 1] = clipped(M(floor)(high[axis] / c->cell) - first + 1, most);
+    }
+}
+
+void kmpc_pass_rays(const struct kmpc_cells *c, const struct kmpc_rays *rays)
+{
+    real low[2], high[2];
+    int near[4], far[4];
+    for (int i = 0; i < 2; i++) {
+        const real least = rays->origin[i] - rays->distance, most = rays->origin[i] + rays->distance;
+        low[i] = rays->low[i] > least ? rays->low[i] : least;
+        high[i] = rays->high[i] < most ? rays->high[i] : most;
+    }
+    window_between(c, low, high, near);
+    see_through(c, rays, near, 0);
+    if (!rays->farther)
+        return;
+    window_between(c, rays->low, rays->high, far);
+    if (near[0] >= near[1] || near[2] >= near[3]) {
+        see_through(c, rays, far, 1);
+        return;
+    }
+    const int sides[4][4] = {
+        {far[0], near[0], far[2], far[3]},
+        {near[1], far[1], far[2], far[3]},
+        {near[0], near[1], far[2], near[2]},
+        {near[0], near[1], near[3], far[3]},
+    };
+    for (int i = 0; i < 4; i++)
+        see_through(c, rays, sides[i], 1);
 }
 
 /* Cell of a point, and its place in it; -1 beyond the map. */

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from kmpc_lite.control.kernels.scan_map import Window, window_between
 from kmpc_lite.types import Array
 
 UNKNOWN = -1
@@ -20,8 +21,6 @@ NEVER = -np.inf
 """Before every time; see `LocalMap.taken`."""
 EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
 """What is told of cells of which nothing is known."""
-Window = tuple[int, int, int, int]
-"""First row and the one behind the last, then columns."""
 NO_POSES = np.empty((0, 4))
 
 
@@ -105,18 +104,9 @@ class LocalMap:
 
     def window(self, point: Array, distance: float) -> Window:
         """Rows and columns of the cells within a distance of a point (2,), along each axis."""
-        return self.between(point - distance, point + distance)
-
-    def between(self, low: Array, high: Array) -> Window:
-        """Rows and columns of the cells between two corners (2,)."""
-        (left, bottom), (right, top) = low.tolist(), high.tolist()
+        low, high = (point - distance).tolist(), (point + distance).tolist()
         height, width = self.state.shape
-        bottom = math.floor(bottom / self.cell) - self.row
-        left = math.floor(left / self.cell) - self.column
-        top = math.floor(top / self.cell) - self.row + 1
-        right = math.floor(right / self.cell) - self.column + 1
-        rows = min(max(bottom, 0), height), min(max(top, 0), height)
-        return *rows, min(max(left, 0), width), min(max(right, 0), width)
+        return window_between(low, high, self.place, (height, width))
 
     def centres(self, window: Window) -> tuple[Array, Array]:
         """X (W,) and y (H,) of the middles of a window's cells."""

@@ -11,13 +11,13 @@ import numpy as np
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels.clearance import COLUMNS, distances
-from kmpc_lite.control.kernels.scan_map import numbers_of
+from kmpc_lite.control.kernels.scan_map import Window, numbers_of
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.boxes import Boxes
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap, Window, side_of
+from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap, side_of
 from kmpc_lite.control.world.sight.outlook import outlook_of
 from kmpc_lite.control.world.sight.rays import Rays
 from kmpc_lite.control.world.sight.view import View
@@ -234,13 +234,10 @@ class Sight:
     def _clear(self, here: LocalMap, rays: Rays) -> None:
         """Take note of what rays passed through; farther away only of what was occupied."""
         distance = min(self._free, rays.farthest)
-        low = np.maximum(rays.low, rays.origin - distance)
-        high = np.minimum(rays.high, rays.origin + distance)
-        self._see_through(here, rays, here.between(low, high), only_hit=False)
-        if rays.farthest > distance:
-            near, far = here.between(low, high), here.between(rays.low, rays.high)
-            for window in _around(near, far):
-                self._see_through(here, rays, window, only_hit=True)
+        area = rays.low.tolist(), rays.high.tolist(), rays.origin.tolist()
+        cells, passed = (here.state, here.seen, here.extent), (rays.turn, rays.squares, distance)
+        farther = rays.farthest > distance
+        self._kernels.pass_rays(*cells, here.place, *area, *passed, farther, here.clock)
 
     def _look_in_vain(self, here: LocalMap, rays: Rays) -> None:
         """Count the scans in a row that have looked at unknown cells nearby in vain."""
@@ -254,11 +251,6 @@ class Sight:
         looks = rays.vain.take(numbers, mode="wrap") & (x * x + y * y < self._stare**2)
         counts = np.where(looks, np.maximum(part - 1, IN_VAIN), UNKNOWN)
         np.copyto(part, counts, where=(part <= UNKNOWN) & (part > IN_VAIN))
-
-    def _see_through(self, here: LocalMap, rays: Rays, window: Window, only_hit: bool) -> None:
-        x, y = rays.origin.tolist()
-        cells = here.state, here.seen, here.extent, window, here.place
-        self._kernels.see_through(*cells, (x, y), rays.turn, rays.squares, here.clock, only_hit)
 
     def _mark(self, here: LocalMap, hits: Array, errors: Array) -> None:
         """Mark the cells of hits (n, 2), which may be off by errors (n,), as occupied."""
@@ -283,15 +275,6 @@ class Sight:
         places = places_of(self._footprint, pose)
         away = np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1])
         return np.asarray(away.min(axis=-1))
-
-
-def _around(inner: Window, outer: Window) -> list[Window]:
-    """What lies in one window and not in another one within it: below, above, left and right."""
-    (top, bottom, left, right), (first, last, begin, end) = inner, outer
-    if top >= bottom or left >= right:
-        return [outer]
-    sides = [(first, top, begin, end), (bottom, last, begin, end)]
-    return [*sides, (top, bottom, begin, left), (top, bottom, right, end)]
 
 
 def _boxes(low: Array, high: Array, behind: float) -> list[Boxes]:

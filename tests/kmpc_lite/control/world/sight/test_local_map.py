@@ -10,7 +10,7 @@ from seen_maps import hit_boxes
 
 import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
-from kmpc_lite.control.kernels import NUMPY
+from kmpc_lite.control.kernels.scan_map import see_through
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.rays import Rays
@@ -207,7 +207,7 @@ def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: b
         state, none = np.full((200, 200), UNKNOWN, dtype=np.int8), np.zeros((200, 200, 5))
         cells = state, none[..., 0].astype(np.float32), none[..., 1:].astype(np.float32)
         window, place = (0, 200, 0, 200), (cell, -80, -60)
-        NUMPY.see_through(*cells, window, place, rays.origin, rays.turn, rays.squares, 1.0, False)
+        see_through(*cells, window, place, rays.origin, rays.turn, rays.squares, 1.0, False)
         row, column = np.nonzero(state == 0)
         passed = cell * (np.stack([column, row], axis=1) + np.array([-79.5, -59.5]))
         assert len(passed)
