@@ -55,6 +55,8 @@ class LinkOptions:
     url: str
     """serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT or udp:HOST:PORT."""
     driver: str
+    second: str | None = None
+    """As `url`, of a second board, which drives an omni's rear wheels."""
     timeout: float = bounded(0.1, 300.0, "s", 10.0)
     """How long the board may take to answer [s]."""
     pose: str | None = None
@@ -69,7 +71,7 @@ class LinkOptions:
             raise ConfigError(f"driver: expected {', '.join(DRIVERS)}, got {self.driver!r}")
         if self.forward is not None and self.driver != "mavlink":
             raise ConfigError(f"forward: only an autopilot can be shared, not {self.driver}")
-        for url in (self.forward or "").split():
+        for url in (*(self.forward or "").split(), *filter(None, (self.second,))):
             open_transport(url)
         check(self)
         if self.pose is not None:
@@ -134,13 +136,14 @@ class Robot:
     def vehicle(self) -> dict[str, str | float | bool]:
         """What a model learned on this vehicle depends on: plain values."""
         named = {} if self.name is None else {"name": self.name}
+        geometry = self.sections.get("geometry", {})
         poses = "own" if self.link.pose is None else "from outside"
         return {
             **named,
             "driver": self.link.driver,
             "poses": poses,
             **self.wheels.vehicle,
-            **self.sections.get("geometry", {}),
+            **{k: str(v) if isinstance(v, list) else v for k, v in geometry.items()},
         }
 
     @property
@@ -253,7 +256,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         check_period(control.period, gate)
     geometry = sections.get("geometry", {})
     wheels = read_wheels(vehicle.wheels, geometry)
-    check_kind(wheels.kind, BOARDS.get(link.driver), limits)
+    check_kind(wheels.kind, BOARDS.get(link.driver), limits, link.second)
     check_wheels(sections.get("limits", {}), geometry)
     return Robot(
         where,

@@ -10,9 +10,17 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#define KMPC_VERSION 1
-#define KMPC_LONGEST_LINE 48          /* bytes of a request, without its line feed */
-#define KMPC_LONGEST_REPLY 96         /* bytes of an answer, with line feed and zero */
+#ifndef KMPC_MOTORS
+#define KMPC_MOTORS 2 /* 1 of a car, 3 or 4 of an omni */
+#endif
+#ifndef KMPC_SERVO
+#define KMPC_SERVO 0 /* 1: a servo steers */
+#endif
+#define KMPC_VERSION 2
+#define KMPC_LONGEST_LINE (24 + 12 * (KMPC_MOTORS + KMPC_SERVO)) /* bytes of a request, without its line feed */
+#define KMPC_LONGEST_REPLY (48 + 24 * KMPC_MOTORS) /* bytes of an answer, with line feed and zero */
+#define KMPC_SHORTEST_PULSE 500       /* us of a servo */
+#define KMPC_LONGEST_PULSE 2500       /* us */
 #define KMPC_LONGEST_WATCHDOG 60000L  /* ms */
 #define KMPC_DEAD_AFTER 250           /* ms for which the counter of a driven wheel may stand */
 #define KMPC_DITHER 2                 /* counts by which a counter that stands may go to and fro */
@@ -21,11 +29,12 @@ enum { KMPC_DRIVEN = 1, KMPC_WATCHDOG = 2, KMPC_STOPPED = 4, KMPC_ENCODER = 8, K
 
 struct kmpc_wheels {
   /* what the motors are to do: read them */
-  int32_t target[2]; /* counts/s of the first and second channel; 0 unless driven */
+  int32_t target[KMPC_MOTORS]; /* counts/s of each channel; 0 unless driven */
+  int32_t servo;     /* pulse of the servo [us]; 0 until one is commanded */
   bool driven;       /* false: let the motors go */
   /* what the motors do: write them */
-  int32_t count[2]; /* encoder counts, wrapping */
-  int32_t speed[2]; /* counts/s */
+  int32_t count[KMPC_MOTORS]; /* encoder counts, wrapping */
+  int32_t speed[KMPC_MOTORS]; /* counts/s */
   uint8_t faults;   /* KMPC_STOPPED, KMPC_ENCODER, KMPC_FAULT; any of them lets the motors go */
   bool dead;        /* of kmpc_watch: a wheel is driven and its counter stands; until the motors are let go */
   /* of the protocol, and of kmpc_watch */
@@ -34,8 +43,8 @@ struct kmpc_wheels {
   char line[KMPC_LONGEST_LINE];
   uint8_t length;
   bool dropping;
-  int32_t stood_at[2];
-  uint32_t stood_since[2];
+  int32_t stood_at[KMPC_MOTORS];
+  uint32_t stood_since[KMPC_MOTORS];
 };
 
 static inline uint16_t kmpc_crc(const char *text, int length) {
@@ -76,7 +85,7 @@ static inline void kmpc_check(struct kmpc_wheels *w, uint32_t now) {
   }
   if (w->faults || !w->driven) {
     w->driven = w->driven && !w->faults;
-    w->target[0] = w->target[1] = 0;
+    for (int i = 0; i < KMPC_MOTORS; i++) w->target[i] = 0;
   }
 }
 
@@ -110,22 +119,24 @@ static inline int kmpc_obey(struct kmpc_wheels *w, uint32_t now, char *reply) {
   }
   if (check != kmpc_crc(w->line, body)) return 0;
   const char *at = w->line + 1, *end = w->line + body;
-  int32_t number[4];
+  int32_t number[KMPC_MOTORS + KMPC_SERVO + 2];
+  const int most = KMPC_MOTORS + KMPC_SERVO + 2;
   int count = 0;
   while (at != end) {
-    if (count == 4 || !kmpc_number(&at, end, &number[count++])) return 0;
+    if (count == most || !kmpc_number(&at, end, &number[count++])) return 0;
   }
   if (count == 0 || number[0] < 0 || number[0] > 255) return 0;
   switch (w->line[0]) {
     case 'H':
       if (count != 1) return 0;
-      return kmpc_finish(reply, snprintf(reply, KMPC_LONGEST_REPLY, "H %d %d", (int)number[0],
-                                         KMPC_VERSION));
+      return kmpc_finish(reply, snprintf(reply, KMPC_LONGEST_REPLY, "H %d %d %d %d", (int)number[0],
+                                         KMPC_VERSION, KMPC_MOTORS, KMPC_SERVO));
     case 'V':
-      if (count != 4 || number[3] <= 0 || number[3] > KMPC_LONGEST_WATCHDOG) return 0;
-      w->target[0] = number[1];
-      w->target[1] = number[2];
-      w->watchdog = (uint32_t)number[3];
+      if (count != most || number[most - 1] <= 0 || number[most - 1] > KMPC_LONGEST_WATCHDOG) return 0;
+      if (KMPC_SERVO && (number[most - 2] < KMPC_SHORTEST_PULSE || number[most - 2] > KMPC_LONGEST_PULSE)) return 0;
+      for (int i = 0; i < KMPC_MOTORS; i++) w->target[i] = number[1 + i];
+      if (KMPC_SERVO) w->servo = number[most - 2];
+      w->watchdog = (uint32_t)number[most - 1];
       w->heard = now;
       w->driven = true;
       w->expired = false;
@@ -143,9 +154,13 @@ static inline int kmpc_obey(struct kmpc_wheels *w, uint32_t now, char *reply) {
   }
   kmpc_check(w, now);
   int flags = w->faults | (w->driven ? KMPC_DRIVEN : 0) | (w->expired ? KMPC_WATCHDOG : 0);
-  return kmpc_finish(reply, snprintf(reply, KMPC_LONGEST_REPLY, "S %d %lu %ld %ld %ld %ld %d",
-                                     (int)number[0], (unsigned long)now, (long)w->count[0],
-                                     (long)w->count[1], (long)w->speed[0], (long)w->speed[1], flags));
+  int at_end = snprintf(reply, KMPC_LONGEST_REPLY, "S %d %lu", (int)number[0], (unsigned long)now);
+  for (int i = 0; i < 2 * KMPC_MOTORS; i++) {
+    int32_t value = i < KMPC_MOTORS ? w->count[i] : w->speed[i - KMPC_MOTORS];
+    at_end += snprintf(reply + at_end, KMPC_LONGEST_REPLY - (size_t)at_end, " %ld", (long)value);
+  }
+  at_end += snprintf(reply + at_end, KMPC_LONGEST_REPLY - (size_t)at_end, " %d", flags);
+  return kmpc_finish(reply, at_end);
 }
 
 /* Take one byte at `now` [ms]; length of the answer in `reply` (KMPC_LONGEST_REPLY bytes), mostly 0. */

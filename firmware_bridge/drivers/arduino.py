@@ -11,6 +11,7 @@ from firmware_bridge.drivers.polled.options import (
     PolledOptions,
     check_watchdog,
     counts_per_metre,
+    servo_position,
 )
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
@@ -19,7 +20,8 @@ from firmware_bridge.messages import LinkError
 from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
-VERSION = 1
+VERSION = 2
+"""Of the protocol; version 1 knew two motors and no servo."""
 DRIVEN, WATCHDOG, STOPPED, ENCODER, FAULT = 1, 2, 4, 8, 16
 """Flags of a state: motors driven, watchdog expired, stop input, encoder fault, other fault."""
 ERRORS = {
@@ -52,6 +54,10 @@ class ArduinoOptions(PolledOptions):
     watchdog: float = bounded(0.1, 10.0, "s", 0.3)
     """The board stops the motors when it hears no command for this time [s]; part of each command.
     """
+    servo_straight: float = bounded(500.0, 2500.0, "us", 1500.0)
+    """Pulse with which a car's servo steers straight [us] ..."""
+    servo_left: float = bounded(500.0, 2500.0, "us", 1900.0)
+    """... and with which it steers left as far as it goes."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -60,7 +66,7 @@ class ArduinoOptions(PolledOptions):
 
 
 class ArduinoDriver(LineDriver):
-    """Two motors on a microcontroller.
+    """Motors on a microcontroller, and perhaps a car's servo.
 
     `V` commands speeds, `P` asks for the state, `R` lets go, `H` asks for identity. `V`, `P` and
     `R` are all answered by a state with the number of the request, so that a late answer is never
@@ -75,35 +81,45 @@ class ArduinoDriver(LineDriver):
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
         super().__init__(transport, geometry, odometry, options)
         counts_per_metre(geometry, options.counts_per_turn)
-        self._counts_per_turn = options.counts_per_turn
+        self._counts_per_turn, self._options = options.counts_per_turn, options
+        self._numbers = 2 + 2 * len(geometry.names)
         self._watchdog = round(options.watchdog * 1000.0)
         self._sequence, self._uptime = 0, -1
         self.hint = "is it powered, wired TX to RX, with the sketch loaded, at this baud rate?"
 
     def _configure(self) -> None:
         self._transport.write(b"\n")  # ends whatever half a line the board has
-        (version, *_), _ = self._request("H", "", 1)
-        if version != VERSION:
+        (version, *made), _ = self._request("H", "", 1)
+        if not 1 <= version <= VERSION:
             raise LinkError(
                 f"the sketch speaks version {version} of the protocol, expected {VERSION}"
             )
+        motors, servos = (*made, 2, 0)[:2] if version > 1 else (2, 0)
+        wanted = len(self._geometry.names), int(self._steering is not None)
+        if (motors, servos) != wanted:
+            raise LinkError(
+                f"the sketch has {motors} motors and {servos} servos, expected {wanted[0]} and "
+                f"{wanted[1]}: KMPC_MOTORS and KMPC_SERVO in kmpc_wheels.ino"
+            )
         self._uptime = -1
-        self._drive(0.0, 0.0)
+        self._drive(*self._geometry.still)
 
     def _poll(self, cycle: int) -> None:
-        self._take(*self._request("P", "", 6))
+        self._take(*self._request("P", "", self._numbers))
 
     def _drive(self, *turns: float) -> None:
-        first, second = turns
-        speeds = (round(first * self._counts_per_turn), round(second * self._counts_per_turn))
-        self._request("V", f" {speeds[0]} {speeds[1]} {self._watchdog}", 6)
+        words = [round(turn * self._counts_per_turn) for turn in turns]
+        if self._steering is not None:
+            words.append(round(servo_position(self._options, self._steering.share)))
+        self._request("V", "".join(f" {w}" for w in (*words, self._watchdog)), self._numbers)
 
     def _release(self) -> None:
-        self._request("R", "", 6)
+        self._request("R", "", self._numbers)
 
     def _take(self, values: list[int], stamp: float) -> None:
         """Take a state: uptime [ms], counters, speeds [counts/s], flags."""
-        uptime, first, second, speed1, speed2, flags = values
+        uptime, *moved, flags = values[: self._numbers]
+        counts, speeds = moved[: len(moved) // 2], moved[len(moved) // 2 :]
         before, self._uptime = self._uptime, uptime
         if (
             uptime < before and before - uptime < INT32
@@ -114,7 +130,7 @@ class ArduinoDriver(LineDriver):
         self._warnings = ("watchdog expired",) if flags & WATCHDOG else ()
         self._estimate_ok = not flags & ENCODER
         scale = self._counts_per_turn
-        self._moved((first, second), (speed1 / scale, speed2 / scale), stamp)
+        self._moved(tuple(counts), tuple(speed / scale for speed in speeds), stamp)
 
     def _request(self, kind: str, arguments: str, count: int) -> tuple[list[int], float]:
         """Ask, and return the numbers of the answer, whose count is checked."""

@@ -90,7 +90,7 @@ class ODriveDriver(LineDriver):
 
     def _arm(self) -> None:
         """Clear an expired watchdog, set the watchdogs, close the loop at zero speed."""
-        self._drive(0.0, 0.0)
+        self._drive(*self._geometry.still)
         self._clear()
         for axis in self._axes:
             setting = f"w axis{axis}.config.watchdog_timeout {self._options.watchdog:.6f}"
@@ -105,7 +105,7 @@ class ODriveDriver(LineDriver):
             self._say(f"u {axis}", f"w axis{axis}.requested_state {CLOSED_LOOP}", f"v {axis} 0 0")
         end = time.monotonic() + 0.5
         while not self._closed_loop():
-            self._drive(0.0, 0.0)
+            self._drive(*self._geometry.still)
             self._read_errors()
             if any(self._axis_errors) or time.monotonic() > end:
                 raise LinkError(
@@ -185,7 +185,7 @@ class ODriveDriver(LineDriver):
         with self._changed:
             idle = not any(self._held.value) and not self._released
         if idle and time.monotonic() - self._fed > self._options.watchdog / 4.0:
-            self._drive(0.0, 0.0)
+            self._drive(*self._geometry.still)
 
     def _read_errors(self) -> None:
         self._axis_errors = [self._error_of(axis) for axis in self._axes]

@@ -142,7 +142,7 @@ class RoboClawDriver(PolledDriver):
             self._settle()
             self._read(STATUS, 2)
             self._status_bytes = 2
-        self._drive(0.0, 0.0)
+        self._drive(*self._geometry.still)
         self._write(SET_TIMEOUT, bytes((self._watchdog,)))
         if not self._watchdog_is_set():
             raise LinkError(

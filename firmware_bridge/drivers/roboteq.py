@@ -90,7 +90,7 @@ class RoboteqDriver(LineDriver):
                 f"the motors are in mode {' and '.join(f'{mode:.0f}' for mode in modes)}, "
                 "expected closed-loop speed: ^MMOD 1 1 and ^MMOD 2 1"
             )
-        self._drive(0.0, 0.0)
+        self._drive(*self._geometry.still)
         self._transport.write(b"^RWD %d\r" % self._watchdog)
         self._settle()
         if not self._watchdog_is_set():

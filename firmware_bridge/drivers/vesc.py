@@ -1,4 +1,4 @@
-"""Two VESCs over one UART: one directly, the other through its CAN bus (bldc's commands.c)."""
+"""VESCs over one UART (bldc's commands.c): two, the second through CAN, or a car's with a servo."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
-from firmware_bridge.drivers.polled.options import PolledOptions
+from firmware_bridge.drivers.polled.options import PolledOptions, servo_position
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import VescPackets, vesc_packet
@@ -21,6 +21,7 @@ GET_VALUES = 4
 SET_CURRENT = 6
 SET_BRAKE = 7
 SET_RPM = 8
+SET_SERVO_POS = 12
 ALIVE = 30
 FORWARD_CAN = 34
 GET_SELECTIVE = 50
@@ -73,10 +74,15 @@ ENCODER_FAULTS = frozenset({11, 12, 13, 20, 21, 22, 25, 26, 28})
 class VescOptions(PolledOptions):
     """The ``[board]`` section of a robot file."""
 
-    can_id: int = bounded(0, 253)
-    """Of the second VESC, as VESC Tool shows it; the first is the one on the UART."""
+    can_id: int | None = bounded(0, 253, "", None)
+    """Of the second VESC, as VESC Tool shows it; the first is the one on the UART. A car has none.
+    """
     pole_pairs: int = bounded(1, 200)
-    """Of both motors."""
+    """Of the motors."""
+    servo_straight: float = bounded(0.0, 1.0, "", 0.5)
+    """Position of a car's servo that steers straight ..."""
+    servo_left: float = bounded(0.0, 1.0, "", 0.9)
+    """... and of the largest steering angle, to the left."""
     brake_current: float = bounded(0.0, 200.0, "A", 0.0)
     """Brake with this current at zero speed [A]; 0: zero ERPM, under which VESCs let the motor
     roll."""
@@ -85,7 +91,10 @@ class VescOptions(PolledOptions):
 
 
 class VescDriver(PolledDriver):
-    """Two VESCs: ERPM by 8, the second through 34, values by 50 or, for old firmware, 4.
+    """VESCs: ERPM by 8, the second through 34, values by 50 or, for old firmware, 4.
+
+    A car's servo is on the first's servo output: positions by 12, which is not answered, and does
+    not feed the time-out.
 
     Their time-out (1 s unless changed in VESC Tool) is fed by commands only; ALIVE (30), which
     would keep an old set-point, is never sent.
@@ -110,7 +119,15 @@ class VescDriver(PolledDriver):
             raise ConfigError(
                 f"board.pole_pairs: {options.pole_pairs} makes speeds past the board's 32 bits"
             )
-        self._can_id, self._brake = options.can_id, round(1000.0 * options.brake_current)
+        if (self._steering is None) == (options.can_id is None):
+            raise ConfigError(
+                "board.can_id: missing: expected that of the second VESC"
+                if options.can_id is None
+                else "board.can_id: a car has one motor: leave it out"
+            )
+        self._can_id, self._options = options.can_id, options
+        self._nodes = ("local",) if options.can_id is None else ("local", "can")
+        self._brake = round(1000.0 * options.brake_current)
         self._packets = VescPackets(MAX_PAYLOAD)
         self._local_id: int | None = None
         self._selective = True
@@ -122,7 +139,7 @@ class VescDriver(PolledDriver):
         if len(version) < 3:
             raise self._exchange.refuse("firmware version")
         self._mode = f"firmware {version[1]}.{version[2]:02d}"
-        self._drive(0.0, 0.0)
+        self._drive(*self._geometry.still)
         self._selective = True
         try:
             values = self._values("local")
@@ -131,22 +148,25 @@ class VescDriver(PolledDriver):
             self._selective = False
             values = self._values("local")
         self._local_id = values[3]
-        self.hint = f"is the second VESC (CAN id {self._can_id}) powered and on the CAN bus?"
-        self._values("can")
+        if self._can_id is not None:
+            self.hint = f"is the second VESC (CAN id {self._can_id}) powered and on the CAN bus?"
+            self._values("can")
 
     def _poll(self, cycle: int) -> None:
-        rpm1, tacho1, fault1, _, stamp1 = self._values("local")
-        rpm2, tacho2, fault2, _, stamp2 = self._values("can")
-        named = ((fault1, "first"), (fault2, "second"))
+        told = [self._values(node) for node in self._nodes]
         self._errors = tuple(
             f"{which} VESC: {FAULTS[fault] if fault < len(FAULTS) else f'fault {fault}'}"
-            for fault, which in named
+            for (_, _, fault, _, _), which in zip(told, ("first", "second"), strict=False)
             if fault
         )
-        self._estimate_ok = not ENCODER_FAULTS & {fault1, fault2}
-        # Both tachometers at the same instant, so that their difference is a turn and nothing else.
-        ahead = rpm1 / 60.0 * STEPS_PER_ELECTRIC_TURN * (stamp2 - stamp1)
-        self._moved((tacho1 + ahead, tacho2), (rpm1 / self._erpm, rpm2 / self._erpm), stamp2)
+        self._estimate_ok = not ENCODER_FAULTS & {fault for _, _, fault, _, _ in told}
+        # All tachometers at the same instant, so that their difference is a turn and nothing else.
+        last = told[-1][4]
+        counts = (
+            tacho + rpm / 60.0 * STEPS_PER_ELECTRIC_TURN * (last - stamp)
+            for rpm, tacho, _, _, stamp in told
+        )
+        self._moved(tuple(counts), tuple(rpm / self._erpm for rpm, *_ in told), last)
 
     def _barrier(self) -> None:
         self._ask(vesc_packet(bytes((FW_VERSION,))), "version")
@@ -157,17 +177,22 @@ class VescDriver(PolledDriver):
             struct.pack(">BI", GET_SELECTIVE, MASK) if self._selective else bytes((GET_VALUES,))
         )
         if which == "can":
-            request = bytes((FORWARD_CAN, self._can_id)) + request
+            request = self._forwarded(request)
         reply, stamp = self._ask(vesc_packet(request), (which, self._selective))
         return (*_numbers(reply), stamp)
 
     def _drive(self, *speeds: float) -> None:
-        first, second = speeds
-        payloads = [
-            self._set_point(first),
-            bytes((FORWARD_CAN, self._can_id)) + self._set_point(second),
-        ]
+        payloads = [self._set_point(speed) for speed in speeds]
+        payloads[1:] = map(self._forwarded, payloads[1:])
+        if self._steering is not None:
+            position = servo_position(self._options, self._steering.share)
+            payloads.append(struct.pack(">Bh", SET_SERVO_POS, round(1000.0 * position)))
         self._transport.write(b"".join(map(vesc_packet, payloads)))
+
+    def _forwarded(self, payload: bytes) -> bytes:
+        """Send it to the second VESC, through CAN."""
+        assert self._can_id is not None
+        return bytes((FORWARD_CAN, self._can_id)) + payload
 
     def _set_point(self, speed: float) -> bytes:
         if speed == 0.0 and self._brake:
@@ -176,9 +201,8 @@ class VescDriver(PolledDriver):
 
     def _release(self) -> None:
         free = struct.pack(">Bi", SET_CURRENT, 0)
-        self._transport.write(
-            vesc_packet(free) + vesc_packet(bytes((FORWARD_CAN, self._can_id)) + free)
-        )
+        payloads = [free] if self._can_id is None else [free, self._forwarded(free)]
+        self._transport.write(b"".join(map(vesc_packet, payloads)))
 
     def _begin(self, key: Hashable) -> None:
         self._packets.reset()

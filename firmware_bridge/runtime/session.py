@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Autopilot, Driver
 from firmware_bridge.drivers.boards import BOARDS, load
+from firmware_bridge.drivers.pair import PairDriver, halves
 from firmware_bridge.link import Transport, open_transport
 from firmware_bridge.link.shared import SharedTransport
 from firmware_bridge.live.terminal import View
@@ -54,7 +55,14 @@ def open_driver(robot: Robot, transport: Transport) -> Driver:
     """Build a robot file's driver on a link not yet open; ConfigError names file and key."""
     kind = load(BOARDS[robot.link.driver].driver)
     try:
-        driver: Driver = kind.from_options(transport, robot.driver_table())
+        table = robot.driver_table()
+        if robot.link.second is None:
+            driver: Driver = kind.from_options(transport, table)
+        else:
+            front, rear = halves(table)
+            other = open_transport(robot.link.second)
+            boards = kind.from_options(transport, front), kind.from_options(other, rear)
+            driver = PairDriver(boards, table)
     except ConfigError as error:
         raise ConfigError(f"{robot.where}: {error}") from None
     if robot.link.pose is not None:

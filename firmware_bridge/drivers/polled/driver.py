@@ -95,10 +95,10 @@ class PolledDriver(PollingThread):
         wheels, now = self._geometry.wheels(v, omega, vy), time.monotonic()
         with self._changed:
             self._held.put(self._geometry.to_channels(*wheels), now)
-            if self._steering is not None:
-                self._steering.command(v, omega, now)
             if not any(wheels):
                 self._released = False  # only standing still may take the motors back
+            if self._steering is not None and not self._released:
+                self._steering.command(v, omega, now)
             if not self.answers_commands:
                 self._send_pending()
             self._changed.notify_all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.messages import ConfigError
@@ -24,6 +25,25 @@ class PolledOptions:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check(self)
+
+
+class ServoOptions(Protocol):
+    """Where a car's servo is, in the board's own unit."""
+
+    @property
+    def servo_straight(self) -> float:
+        """Steering straight."""
+        ...
+
+    @property
+    def servo_left(self) -> float:
+        """Steering left as far as it goes."""
+        ...
+
+
+def servo_position(options: ServoOptions, share: float) -> float:
+    """Where a servo is to be for a share of the largest steering angle, to the left."""
+    return options.servo_straight + share * (options.servo_left - options.servo_straight)
 
 
 def check_watchdog(command_timeout: float, watchdog: float) -> None:

@@ -78,7 +78,7 @@ def refuse_car_like(dataset: Dataset) -> None:
     answered = aligned(dataset, delay) if delay else dataset
     length = max(1, round(SPOT / dataset.dt))
     states, _, inputs = answered.every_piece(length, stride=length)
-    asked, turned = inputs[..., 1].sum(axis=1) * dataset.dt, states[:, -1, 2] - states[:, 0, 2]
+    asked, turned = inputs[..., -1].sum(axis=1) * dataset.dt, states[:, -1, 2] - states[:, 0, 2]
     speeds = np.abs(inputs[..., 0]).max(axis=1)
     v_max, omega_max = np.abs(speeds).max(initial=0.0), np.abs(asked).max(initial=0.0)
     turning = np.abs(asked) > TURNING * omega_max

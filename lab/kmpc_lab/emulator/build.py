@@ -93,6 +93,12 @@ def build_emulator(
             around=around,
         )
         return rover
+    if robot.link.second is not None:
+        from kmpc_lab.emulator.pair import PairEmulator
+
+        pair = PairEmulator(kind, robot.driver_table(), robot.link.second, **floor)
+        pair.place(*start)
+        return pair
     emulator: BoardEmulator = kind.from_options(robot.driver_table(), **floor)
     if twin is not None:
         from kmpc_lab.emulator.twin import TwinBody

@@ -1,4 +1,4 @@
-"""Two VESCs, the second behind the first's CAN bus: frames, values, faults, time-outs.
+"""VESCs, the second behind the first's CAN bus, or one with a servo: values, faults, time-outs.
 
 After the time-out each coasts.
 """
@@ -18,6 +18,7 @@ from firmware_bridge.drivers.vesc import (
     SET_BRAKE,
     SET_CURRENT,
     SET_RPM,
+    SET_SERVO_POS,
     STEPS_PER_ELECTRIC_TURN,
     VescOptions,
 )
@@ -31,7 +32,7 @@ LAYOUT = "h h i i i i h i h i i i i i i B i B".split()
 
 
 class VescEmulator(BoardEmulator):
-    """Two VESCs with a robot on top.
+    """VESCs with a robot on top.
 
     Parameters
     ----------
@@ -60,22 +61,22 @@ class VescEmulator(BoardEmulator):
         **around: Unpack[Scene],
     ) -> None:
         super().__init__(geometry, **around)
-        self._ids = (local_id, options.can_id)
+        self._ids, self._options = (local_id, options.can_id), options
         self._erpm = 60.0 * options.pole_pairs
         self._selective = selective
         self._steps = STEPS_PER_ELECTRIC_TURN * options.pole_pairs
         self.timeout = timeout
-        self._fed = [-math.inf, -math.inf]
+        self._fed = [-math.inf] * len(geometry.names)
         self._packets = VescPackets()
-        self.faults = [0, 0]
-        """Fault codes of both; set them to see what the other end does."""
+        self.faults = [0] * len(self._fed)
+        """Fault codes of all; set them to see what the other end does."""
         self._let_go_all()
 
     def _reset(self) -> None:
-        self.faults, self._fed = [0, 0], [-math.inf, -math.inf]
+        self.faults, self._fed = [0] * len(self._fed), [-math.inf] * len(self._fed)
 
     def _watchdog(self, now: float) -> None:
-        for channel in (0, 1):
+        for channel in range(len(self._fed)):
             if self.faults[channel] or now - self._fed[channel] > self.timeout:
                 self._let_go(channel)
 
@@ -100,6 +101,10 @@ class VescEmulator(BoardEmulator):
             return bytes((GET_VALUES,)) + self._fields(channel, 2**18 - 1) + bytes(15)
         if command == GET_SELECTIVE and self._selective and len(payload) == 5:
             return payload + self._fields(channel, int.from_bytes(payload[1:], "big"))
+        if command == SET_SERVO_POS and len(payload) == 3:
+            straight, left = self._options.servo_straight, self._options.servo_left
+            position = min(max(struct.unpack(">h", payload[1:])[0] / 1000.0, 0.0), 1.0)
+            self._body.steered = min(max((position - straight) / (left - straight), -1.0), 1.0)
         if command == ALIVE:
             self._fed[channel] = now
         if command in (SET_RPM, SET_CURRENT, SET_BRAKE) and len(payload) == 5:

@@ -10,6 +10,10 @@
 
 enum { OUTPUT, INPUT_PULLUP, LOW = 0, CHANGE = 1 };
 #define constrain(x, low, high) ((x) < (low) ? (low) : (x) > (high) ? (high) : (x))
+#ifndef KMPC_MOTORS
+#define KMPC_MOTORS 2
+#define KMPC_SERVO 0
+#endif
 static const float STICKS = 0.05f;
 static unsigned long clock_ms = 5000;
 static int level[64];

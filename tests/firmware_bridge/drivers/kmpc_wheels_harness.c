@@ -19,7 +19,7 @@ int main(void) {
       if (size > 0) fwrite(reply, 1, (size_t)size, stdout);
     }
     /* like the motors of the test: they do at once what they are told, for one second a record */
-    for (int i = 0; i < 2; i++) wheels.speed[i] = wheels.driven ? wheels.target[i] : 0;
+    for (int i = 0; i < KMPC_MOTORS; i++) wheels.speed[i] = wheels.driven ? wheels.target[i] : 0;
     fflush(stdout);
   }
   return 0;

@@ -44,3 +44,11 @@ def test_a_wheel_that_turns_is_no_fault(drive, speed):
 def test_a_slow_wheel_is_told_before_its_motor_has_run_up(drive):
     told, largest, *_ = drive(TOP // 100, 1, 10_000)
     assert told > 0 and largest < 0.2
+
+
+@pytest.mark.parametrize(("motors", "servo"), [(1, 1), (3, 0), (4, 0)])
+def test_the_sketch_compiles_for_cars_and_omnis(tmp_path, motors, servo):
+    stub = "struct Servo { int at; void attach(int pin) { at = pin; } "
+    (tmp_path / "Servo.h").write_text(stub + "void writeMicroseconds(int us) { at = us; } };")
+    made = f"-DKMPC_MOTORS={motors}", f"-DKMPC_SERVO={servo}", f"-I{tmp_path}"
+    compiled(tmp_path / "sketch", "g++", "-std=c++11", "-c", *made, "-x", "c++", str(HARNESS))
