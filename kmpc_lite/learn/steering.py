@@ -35,8 +35,6 @@ WINDOW = 0.4
 """Time over which a driven speed is measured [s]."""
 EASES = 0.5
 """What is left out beside that [s]: motors start and stop."""
-FOLLOWS = 0.8
-"""Share of the speed asked up to which that goes on: a car that obeys again has it to gain yet."""
 UNITS, REACHED = (0.2, 5.0), 0.98
 """Ratios of driven to asked speed, where it is largest but for this share, that are one of metres
 to metres; others come of shares of full throttle, or of revolutions."""
@@ -202,22 +200,14 @@ def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
     if told.any():
         ratio = float(np.quantile(driven[told] / asked[told], REACHED))
         asked = asked if UNITS[0] < ratio < UNITS[1] else ratio * asked
-    slow = _runs(told & (driven < FOLLOWS * asked))
     out = np.zeros(len(time), dtype=bool)
     for share in SHARES:
-        for first, last in _runs(told & (driven < share * asked)):
-            if time[last] - time[first] >= LATEST + share * SLOWEST:
-                begin, end = next((a, b) for a, b in slow if a <= first and last <= b)
-                out |= (time >= max(time[begin], time[first] - SLOWEST) - EASES) & (
-                    time <= min(time[end], time[last] + SLOWEST) + EASES
-                )
+        ignored = told & (driven < share * asked)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], ignored.astype(int), [0]])))
+        for first, last in edges.reshape(-1, 2):
+            if time[last - 1] - time[first] >= LATEST + share * SLOWEST:
+                out |= (time >= time[first] - EASES) & (time <= time[last - 1] + EASES)
     return out
-
-
-def _runs(true: Array) -> list[tuple[int, int]]:
-    """First and last rows of stretches that are true (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
-    return [(first, last - 1) for first, last in edges.reshape(-1, 2).tolist()]
 
 
 def relocated(time: Array, poses: Array, speeds: Array) -> Array:
