@@ -45,7 +45,8 @@ FAR_TURN = 0.6
 that drives far in a period cut into what it passes."""
 THOROUGH = 5
 """Times the iterations for such robots, and for those with input history or limited changes: what
-the robot still does of past commands it cannot take back, and multipliers become large."""
+the robot still does of past commands it cannot take back, and multipliers become large. The plans
+of robots that turn far may be contradicted by as many times less."""
 CONVERGED = OSQPOptions(
     tolerance=1e-7, max_iter=4000, alpha=1.6, adaptive_rho=True, scaling=10, check_termination=25
 )
@@ -148,6 +149,8 @@ class SQP:
             )
         self.workspace = choose_solver(solver, self.qp, settings)
         self.tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
+        if turns_far:
+            self.tolerated /= THOROUGH
         self._couples = problem.limits_wheels or not problem.wheels.turns_on_the_spot
         self._rates, self._wanted = RateLimit(problem), np.zeros((problem.horizon, 2))
         self._u_min, self._u_max, _, _ = problem.bounds
