@@ -14,7 +14,7 @@ from scipy import ndimage
 from kmpc_lab.studies.sight.pursuit import cost_to_go
 from kmpc_lite.types import Array
 
-CELL = 0.1
+CELL = 0.05
 """Side of a cell [m]."""
 FORGETS, SURE = 0.97, 1.5
 """Share of what was seen that is left after a period, and how many hits make a cell occupied."""
@@ -28,6 +28,8 @@ NOSE = 0.35
 """Distance ahead of the robot's middle whose way counts, too, so that it faces its way [m]."""
 NEAR, SHY = 0.12, 0.6
 """Clearance below which an arc costs more [m], and how much, in metres of way for each."""
+BACKS = 0.4
+"""Fastest speed backwards [m/s]: out of a dead end."""
 REACTS = 0.15
 """Time until the robot brakes [s]."""
 
@@ -70,7 +72,7 @@ class Dwa:
         """Command (2,) from a pose (3,), after a scan hit points (M, 2) in the world."""
         self._look(ends, goal)
         reach = self._ramps * WINDOW
-        low = np.maximum(self._speeds - reach, [0.0, -self._fastest[1]])
+        low = np.maximum(self._speeds - reach, [-BACKS, -self._fastest[1]])
         high = np.minimum(self._speeds + reach, self._fastest)
         v, turn = (
             a.ravel() for a in np.meshgrid(*map(np.linspace, low, high, (7, 15)), indexing="ij")
@@ -79,7 +81,7 @@ class Dwa:
         poses = _arcs(pose, v, turn, times)
         gaps = self._gaps(poses)
         # what is driven until it stands must be clear; beyond it, it is driven as far as it is
-        stops = times <= REACTS + v / self._ramps[0] + AHEAD / STEPS
+        stops = times <= REACTS + np.abs(v) / self._ramps[0] + AHEAD / STEPS
         admissible = np.where(stops, gaps, np.inf).min(axis=0) > 0.0
         if not admissible.any():
             return self._turn_on_the_spot(pose, goal)
