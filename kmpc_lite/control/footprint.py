@@ -104,8 +104,10 @@ class Footprint:
 
     def scaled(self, unit: float) -> Footprint:
         """Return the same in units of a length [m]."""
+        if unit == 1.0:
+            return self
         other = copy(self)
-        for name in ("_cover", "outline"):
+        for name in ("_cover", "outline", "core_radius", "is_covered_closely"):
             other.__dict__.pop(name, None)
         corners = tuple((x / unit, y / unit) for x, y in self.corners)
         object.__setattr__(other, "corners", corners)
@@ -126,10 +128,16 @@ class Footprint:
         """Of the largest circle about the pose that lies in the outline; 0 for a pose outside."""
         return float(self._inner_radii(np.zeros((1, 2)))[0])
 
-    @property
+    @cached_property
     def core_radius(self) -> float:
         """Of circles about the middles of those that cover it, all of which lie in it [m]."""
         return float(self._inner_radii(self.circles).min())
+
+    @cached_property
+    def is_covered_closely(self) -> bool:
+        """Whether the circles stick out of its sides no farther than `excess` says."""
+        narrowest = _longer_side(self.outline)[1]
+        return self.circle_radius <= 0.5 * narrowest * (1.0 + self.excess) * (1.0 + ROUNDING)
 
     def _inner_radii(self, points: Array) -> Array:
         """Radii (n,) of the largest circles about points (n, 2) that lie in the outline [m]."""

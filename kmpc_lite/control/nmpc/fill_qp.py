@@ -71,7 +71,8 @@ class FillQP:
         points = places_of(self._footprint, states[1:])
         gaps, away = self._nothing
         if task.around.nearby is not None:
-            gaps, away = task.around.nearby.measure(points, self._kernels)
+            body = None if self._footprint is None else (self._footprint, states[1:])
+            gaps, away = task.around.nearby.measure(points, self._kernels, body)
         margins, felt = None, task.felt
         if task.margins is not None and felt is not None:
             path = task.path_clearance

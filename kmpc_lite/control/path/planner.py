@@ -17,7 +17,8 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.world.solids import Solids
 
 NEAR_GOAL = 0.3
 """A robot nearer to its goal than this that lags more than its model knows has soon left the place
@@ -122,6 +123,8 @@ class PathRequest:
     """In which the wheels of a car stand [1/m] ..."""
     gear: float = 0.0
     """... and in which gear it drives: 1, -1, or 0 if it stands."""
+    footprint: Footprint | None = None
+    """What the circles cover; none of a round robot."""
     unit: float = 1.0
     """One unit of the solids' lengths [m]."""
 
@@ -155,6 +158,7 @@ class PathRequest:
             centre=None if self.centre is None else length * self.centre,
             circles=self.circles * scale.circle,
             outline=length * self.outline,
+            footprint=None if self.footprint is None else self.footprint.scaled(1.0 / length),
             inflation=length * self.inflation,
             area=length * self.area,
             forward=self.forward * speed,

@@ -14,12 +14,13 @@ from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses
+from kmpc_lite.control.path.field.outline_clearance import outline_distances
 from kmpc_lite.control.path.lattice_path import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
 from kmpc_lite.control.path.timed_path import TimedPath
-from kmpc_lite.control.path.turning_centre import seen_from, swing
+from kmpc_lite.control.path.turning_centre import swing
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
@@ -75,6 +76,7 @@ class SearchDriver:
         self._turning = problem.robot_radius + problem.margin
         self._area = np.stack([problem.x_min[:2], problem.x_max[:2]])
         self._inflation, self._is_round = problem.inflation, problem.footprint is None
+        self._footprint = problem.footprint
         self._radius, self._margin = problem.body_radius, problem.margin
         middles = np.zeros((1, 2)) if problem.footprint is None else problem.footprint.circles
         self._outline = np.column_stack([middles, np.full(len(middles), self._radius)])
@@ -111,6 +113,7 @@ class SearchDriver:
             circles=now.met(state.yielded),
             solids=state.known_solids,
             outline=self._outline,
+            footprint=self._footprint,
             inflation=self._inflation,
             area=self._area,
             forward=can.forward,
@@ -129,7 +132,8 @@ class SearchDriver:
     def _search(self, state: GuideState, now: Situation, search: Search) -> None:
         """Begin a search; it has ended already where the robot cannot stand at its goal."""
         state.search, request = search, search.request
-        distance = float(request.distances(self._places_at(request.target)).min())
+        of_pose = replace(request, centre=None)
+        distance = float(outline_distances(of_pose, request.target[None])[0]) + self._radius
         if self._is_round:
             search.goal_clearance = distance - self._inflation
         if distance < self._radius:
@@ -137,11 +141,6 @@ class SearchDriver:
         elif distance < self._radius + self._margin - now.capabilities.tolerances.enter_distance:
             search.refusal = "the goal lies within the margin of an obstacle"
         self._begin_planner(search)
-
-    def _places_at(self, pose: Array) -> Array:
-        """Middles (C, 2) of the robot's circles at a pose (3,)."""
-        poses = np.repeat(pose[None], len(self._outline), axis=0)
-        return seen_from(poses, self._outline[:, :2].T)[:, :2]
 
     def _begin_planner(self, search: Search) -> None:
         self._asked, self._parts = search.request, 0

@@ -222,7 +222,11 @@ class SafeMotions:
         poses, begin = self._kernels.samples(states, count), places_of(self._footprint, here)
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
-        clearance = around.clearance(places, times, begin) - radius
+        body = at_rest = None
+        if self._footprint is not None:
+            body = self._footprint, poses.reshape(-1, 3)
+            at_rest = self._footprint, here[None]
+        clearance = around.clearance(places, times, begin, body) - radius
         needed = margins.of_motions(felt, distances, steps[..., 2]).repeat(count, axis=1)
         ends = count * (kernel.lengths(commands) + task.model.history)
         # of most motions this is enough to know
@@ -233,9 +237,9 @@ class SafeMotions:
         sure = self._kernels.surely_clear(clearance, needed, error, travel, ends, lost)
         if sure[0]:
             return sure
-        standing = around.clearance(begin[None, None], times, begin) - radius
+        standing = around.clearance(begin[None, None], times, begin, at_rest) - radius
         clearance = self._kernels.between_samples(clearance, standing, places, begin, self._unit)
-        slopes = around.slopes(begin, here, kernel.TINY_STEP * self._unit)
+        slopes = around.slopes(begin, here, kernel.TINY_STEP * self._unit, self._footprint)
         errors = margins.of_commands(felt, commands[:, 0], slopes)
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives

@@ -11,12 +11,17 @@ from functools import cached_property
 
 import numpy as np
 
+from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.world.boxes import GRID_COLUMNS, Boxes
 from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.outline_gaps import sharpen
 from kmpc_lite.control.world.outlines import Outlines, corners_of
 from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.types import Array
+
+Body = tuple[Footprint, Array]
+"""A footprint, and its poses (n, 3)."""
 
 
 class Nearby:
@@ -35,13 +40,20 @@ class Nearby:
         """Return these and more rectangles."""
         return Nearby(self._outlines, [*self._boxes, *boxes])
 
-    def measure(self, points: Array, kernels: Kernels = NUMPY) -> tuple[Array, Array]:
-        """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m]."""
+    def measure(
+        self, points: Array, kernels: Kernels = NUMPY, body: Body | None = None
+    ) -> tuple[Array, Array]:
+        """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m].
+
+        Of the circles of a footprint's poses, if these are given, no nearer than its outline.
+        """
         distance, normals = (
             self._outlines.distances(points)
             if self._count
             else (np.empty((len(points), 0)), np.empty((len(points), 0, 2)))
         )
+        if body is not None:
+            sharpen(self._outlines, *body, distance, normals)
         for boxes in self._boxes:
             _, gaps, away = boxes.choose(points, kernels)
             distance, normals = (
@@ -50,11 +62,17 @@ class Nearby:
             )
         return distance, normals
 
-    def least(self, points: Array, kernels: Kernels = NUMPY) -> Array:
-        """Distance (n,) of points (n, 2) from the nearest of these solids [m], negative inside."""
+    def least(self, points: Array, kernels: Kernels = NUMPY, body: Body | None = None) -> Array:
+        """Distance (n,) of points (n, 2) from the nearest of these solids [m], negative inside.
+
+        Of the circles of a footprint's poses, if these are given, no nearer than its outline.
+        """
         least = np.full(len(points), np.inf)
         if self._count:
-            least = self._outlines.distances(points)[0].min(axis=1)
+            distance, normals = self._outlines.distances(points)
+            if body is not None:
+                sharpen(self._outlines, *body, distance, normals)
+            least = distance.min(axis=1)
         for boxes in self._boxes:
             least = np.minimum(least, boxes.least(points, kernels))
         return least

@@ -20,7 +20,8 @@ from kmpc_lite.control.kernels.clearance import (
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.solids import Nearby
+    from kmpc_lite.control.footprint import Footprint
+    from kmpc_lite.control.world.solids import Body, Nearby
 
 
 NONE = np.empty((0, COLUMNS))
@@ -102,7 +103,9 @@ class Surroundings:
             max(walking, self.emerging_speed if self.unknown or self.known < math.inf else 0.0)
         )
 
-    def clearance(self, points: Array, times: Array, here: Array) -> Array:
+    def clearance(
+        self, points: Array, times: Array, here: Array, body: Body | None = None
+    ) -> Array:
         """Distances from points to the edges of all things.
 
         Parameters
@@ -113,6 +116,8 @@ class Surroundings:
             (Q,) from now [s].
         here : ndarray
             (E, 2) where the points are now [m].
+        body : Body, optional
+            Footprint and poses (C Q, 3) whose circles the points are.
 
         Returns
         -------
@@ -124,7 +129,7 @@ class Surroundings:
         if len(self._all):
             found.append(self.kernels.distances_of_motions(self._all, points, times))
         if self.nearby:
-            least = self.nearby.least(points.reshape(-1, 2), self.kernels)
+            least = self.nearby.least(points.reshape(-1, 2), self.kernels, body)
             found.append(np.broadcast_to(least.reshape(*points.shape[:3], 1), (*shape, 1)))
         if self.known < math.inf:
             # as the distance from an obstacle all around that comes nearer
@@ -137,7 +142,9 @@ class Surroundings:
             found.append(least)
         return found[0] if len(found) == 1 else np.concatenate(found, axis=-1)
 
-    def slopes(self, here: Array, pose: Array, step: float) -> Array:
+    def slopes(
+        self, here: Array, pose: Array, step: float, footprint: Footprint | None = None
+    ) -> Array:
         """By how much clearances grow with the pose, in the robot's frame (E, K, 3).
 
         Parameters
@@ -148,9 +155,14 @@ class Surroundings:
             (3,) of the robot.
         step : float
             Of the differences that are taken [m].
+        footprint : Footprint, optional
+            Whose circles the points are.
         """
-        moved = here + step * np.array(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))[:, None]
-        found = self.clearance(moved[:, None], np.zeros(1), here)[:, 0]
+        steps = step * np.array(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+        moved, body = here + steps[:, None], None
+        if footprint is not None:
+            body = footprint, pose + np.pad(steps, ((0, 0), (0, 1)))
+        found = self.clearance(moved[:, None], np.zeros(1), here, body)[:, 0]
         x, y = (found[1:] - found[0]) / step
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         ahead, left = cos * x + sin * y, cos * y - sin * x

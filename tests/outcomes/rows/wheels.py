@@ -86,7 +86,7 @@ def parallel(seed: int, gap: float, start: Any, out: bool = False) -> Setup:
     return car(seed, around, begin, end, EVEN, problem=LONG)
 
 
-for gap in (1.5, 1.7, 2.0):
+for gap in (1.3, 1.4, 1.5, 1.7, 2.0):
     CARS.add(f"parks along a kerb, {gap} times its length", parallel, gap, (1.2, 0.3, 0.0))
 CARS.add("leaves a gap along a kerb", parallel, 1.6, (1.4, 0.3, 0.0), True)
 

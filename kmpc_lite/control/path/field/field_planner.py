@@ -75,7 +75,7 @@ class FieldPlanner:
     def begin(self, request: PathRequest) -> None:
         """Begin a search."""
         self._request, self._found = request, None
-        self._motions: Motions = motions_of(self._problem, self._wheels, request)
+        self._motions: Motions = motions_of(self._problem, self._wheels, request, False)
         self._clearance = OutlineClearance(request, self._margin)
         speed = float(request.forward[0])
         self._gear_price = max(GEAR_PRICE * self._radius / speed, request.gear_time)
@@ -86,13 +86,16 @@ class FieldPlanner:
         self._field = PlainField(request, self._radius)
         self._best: tuple[Piece, int] | None = None
         self._line: Line | None = None
-        now = request.gear, request.curvature
-        self._ways = Ways(self._motions, self._clearance, self._radius, self._gear_price, now)
         self._begin_tree(0)
 
     def _begin_tree(self, attempt: int) -> None:
         """Begin a tree; later ones take finer steps where there is little clearance."""
+        request = self._request
         self._attempt, (kept, _, most) = attempt, ATTEMPTS[attempt]
+        # where there is no room for wide curves there is time for tight ones
+        self._motions = motions_of(self._problem, self._wheels, request, attempt > 0)
+        now = request.gear, request.curvature
+        self._ways = Ways(self._motions, self._clearance, self._radius, self._gear_price, now)
         self._clearance.keep(kept * self._radius)
         self._tree = PoseTree(self._request.goal, self._cell, self._motions.turn)
         self._price, self._batches, self._last = math.inf, 0, most
@@ -172,7 +175,7 @@ class FieldPlanner:
     def _steps_at(self, room: Array) -> Array:
         """Lengths (n,) of steps from poses of a clearance (n,), in usual ones."""
         room = np.maximum(room, 0.0)
-        share = np.minimum(room / (ROOMY * self._radius), 1.0)
+        share = np.minimum(room / max(ROOMY * self._radius, 0.5 * self._step * self._speed), 1.0)
         finer = np.maximum(share ** ATTEMPTS[self._attempt][1], 2.0**-MOST_HALVINGS)
         # what is surely clear
         longer = np.clip(room / (self._step * self._speed), 1.0, LONGEST_STEP)

@@ -63,9 +63,9 @@ class Motions(Protocol):
 class CarMotions:
     """Arcs and straights in both gears; curves of Reeds and Shepp, or of Dubins, lead to a pose."""
 
-    def __init__(self, car: Car, request: PathRequest) -> None:
+    def __init__(self, car: Car, request: PathRequest, tight: bool) -> None:
         self._radius = WIDER * car.turning_radius
-        if car.steering_rate is not None:
+        if car.steering_rate is not None and not tight:
             # how far it drives until it is steered to one side, in turning radii
             driven = float(request.forward[0]) * car.curvature**2 / car.steering_rate
             self._radius *= 1.0 + SLOW_STEERING * min(driven, 1.0)
@@ -240,10 +240,15 @@ class DifferentialMotions:
         return twists, np.where(left, *times)
 
 
-def motions_of(problem: NavigationProblem, wheels: Wheels, request: PathRequest) -> Motions:
-    """Motions of wheels at the speeds of a request; turns to either side by a problem's bounds."""
+def motions_of(
+    problem: NavigationProblem, wheels: Wheels, request: PathRequest, tight: bool
+) -> Motions:
+    """Motions of wheels at the speeds of a request; turns to either side by a problem's bounds.
+
+    `tight`: whether a car that steers slowly makes its tightest circles all the same.
+    """
     if isinstance(wheels, Car):
-        return CarMotions(wheels, request)
+        return CarMotions(wheels, request, tight)
     if isinstance(wheels, Omni):
         return OmniMotions(request, float(problem.u_max[1]))
     left, right = float(problem.u_max[-1]), -float(problem.u_min[-1])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.path.planner import PathRequest
+from kmpc_lite.control.path.planner import PathRequest, distances_around
+from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.types import Array
 
 NEAR = 1.0
@@ -79,12 +80,26 @@ class OutlineClearance:
 def outline_distances(request: PathRequest, poses: Array) -> Array:
     """Distances (n,) of a robot's outline at poses (n, 3) from what is around it [m]."""
     outline = request.outline
-    if request.centre is not None:
-        outline = outline - (*request.centre, 0.0)
     x, y, radii = outline.T
+    if request.centre is not None:
+        poses = seen_from(poses, -request.centre)
     cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
     places = np.stack([poses[:, :1] + cos * x - sin * y, poses[:, 1:2] + sin * x + cos * y], -1)
-    flat = places.reshape(-1, 2)
-    parts = [request.distances(flat[k : k + CHUNK]) for k in range(0, len(flat), CHUNK)]
+    step = max(CHUNK // len(outline), 1)
+    parts = [
+        _distances(request, places[k : k + step].reshape(-1, 2), poses[k : k + step])
+        for k in range(0, len(poses), step)
+    ]
     found: Array = (np.concatenate(parts).reshape(len(poses), -1) - radii).min(axis=1)
     return found
+
+
+def _distances(request: PathRequest, points: Array, poses: Array) -> Array:
+    """Distances (n C,) of the circles' middles (n C, 2) at poses (n, 3) [m]."""
+    footprint, solids, unit = request.footprint, request.solids, request.unit
+    if footprint is None or solids is None:
+        return request.distances(points)
+    body = footprint.scaled(unit), poses / (unit, unit, 1.0)
+    coarse = 0.0 if request.known is None else request.known.coarseness
+    least = solids.whole.least(points / unit, body=body) * unit + coarse
+    return np.minimum(least, distances_around(points, request.circles, None))

@@ -20,6 +20,7 @@ COMMAND = Command(
         **surprises.COMMANDS,
         "learning": robots.LEARNING,
         "real": robots.REAL,
+        "parking": robots.PARKING,
         "sight": surprises.SIGHT,
         "clutter": clutter.CLUTTER,
     },

@@ -66,6 +66,25 @@ def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, b
     return list(map(asdict, rows)), robot_drives.format_rows(rows), False
 
 
+def add_parking_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run_parking` reads."""
+    add = parser.add_argument
+    add("--drives", type=count, default=20, metavar="N", help="cars, each in a scene of every kind")
+    add("--seed", type=int, default=2000, metavar="S", help="seed of the first car (default: 2000)")
+    add("--only", nargs="+", metavar="WORD", help="kinds whose names contain one of these words")
+
+
+def run_parking(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
+    """Park cars; it must not happen that one touches anything."""
+    from kmpc_lab.studies.parking import drives
+    from kmpc_lab.studies.parking.scenes import KINDS
+
+    seeds = range(options.seed, options.seed + options.drives)
+    rows = drives.study(chosen(KINDS, options.only), seeds, work)
+    bad = any(row.collided for row in rows)
+    return list(map(asdict, rows)), drives.format_rows(rows), bad
+
+
 def add_real_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run_real` reads."""
     add = parser.add_argument
@@ -138,6 +157,15 @@ def run_learning(options: argparse.Namespace) -> int:
 COMMANDS = {
     name: study(name, text, add_options, partial(run, name=name)) for name, text in STUDIES.items()
 }
+PARKING = study(
+    "parking",
+    "Cars of any size, speed and turning radius park in bays and along kerbs, leave dead ends, "
+    "turn round in lanes and drive in the open: time against the shortest curve of Reeds and "
+    "Shepp, changes of gear, and touches by the exact outline.",
+    add_parking_options,
+    run_parking,
+    ("kmpc study parking --drives 10", "kmpc study parking --only open gap"),
+)
 REAL = study(
     "real",
     "Drives of a plant made from one half of a real log, with models learned from the other "

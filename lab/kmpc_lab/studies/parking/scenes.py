@@ -47,7 +47,7 @@ def in_the_open(car: DrawnCar, random: np.random.Generator) -> Scene:
 def along_a_kerb(gap: float, car: DrawnCar, random: np.random.Generator) -> Scene:
     """A gap between two parked cars, on the right of a lane that is 1.2 to 2 lengths wide."""
     length, width = car.length, car.width
-    end, deep = gap * length, width * random.uniform(1.05, 1.15)
+    end, deep = gap * length, width * random.uniform(1.2, 1.35)
     lane = length * random.uniform(1.2, 2.0)
     far = FAR * length
     solids: list[Polygon | Wall] = [
