@@ -14,8 +14,8 @@ LEAST = 0.3
 OTHER_END = 2.0
 """A car drives on with the end that it began with until that points this far from the middle [rad].
 """
-SLOWLY = 0.5
-"""Share of its speed at which a car shows its tightest turn."""
+TIGHT = (0.5, 1.0)
+"""Shares of its speed at which a car shows its tightest turn: `kmpc run` turns no faster."""
 
 
 class Fastest(NamedTuple):
@@ -106,9 +106,9 @@ class CarWays(Ways):
     def shown(
         self, draw: random.Random, signs: tuple[int, int], fastest: Fastest
     ) -> tuple[Speeds, ...]:
-        """What random speeds hardly ever hold: the tightest turn."""
-        v = signs[0] * SLOWLY * fastest.to(signs[0])
-        return ((v, signs[1] * self._sharpest(v, fastest), 0.0),)
+        """What random speeds hardly ever hold: the tightest turn, slowly and fast."""
+        speeds = [signs[0] * share * fastest.to(signs[0]) for share in TIGHT]
+        return tuple((v, signs[1] * self._sharpest(v, fastest), 0.0) for v in speeds)
 
     def back(self, place: Place, sign: int, fastest: Fastest, gain: float, begins: bool) -> Speeds:
         """Steer towards the middle, in the gear in which it lies ahead."""
