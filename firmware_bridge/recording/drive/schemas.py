@@ -107,6 +107,7 @@ LOG = table(
     line=INTEGER,
 )
 COMMAND = table("kmpc.Command", timestamp=TIME, v=NUMBER, omega=NUMBER)
+COMMAND["properties"] |= {"vy": NUMBER, "curvature": NUMBER}  # of omnis, of cars
 STEP = table(
     "kmpc.Step",
     timestamp=TIME,
