@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from kmpc_lite.learn.cross_validation import (
 )
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.ladders import CAR, DIFFERENTIAL, OMNI, Ladder, Ladders
-from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates, neighbours
+from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates
 from kmpc_lite.learn.stopping import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import (
     Moments,
@@ -47,6 +47,8 @@ class Direction:
     """What the score had to exceed."""
 
 
+BOTH_WAYS = 0.1
+"""Share of a log that drives forward, and back, from which on it may show a gain for each."""
 STAYS = Direction(NOMINAL, 0.0, float("inf"))
 """What is said of a log that is too short for a choice."""
 
@@ -77,6 +79,13 @@ class Search:
         if self.commands > INPUTS:
             return OMNI
         return CAR if self.log.steered else DIFFERENTIAL
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether the log may show a gain forward and one back."""
+        v = self.log.inputs[:, 0]
+        ways = ((sign * v > self.smoothing[0]).sum() for sign in (1.0, -1.0))
+        return bool(min(ways) >= BOTH_WAYS * len(v))
 
     @property
     def base(self) -> Array:
@@ -153,6 +162,9 @@ def choose_heading(
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, AT_ONCE).heading, base)
     response, direction, chosen = _decide(search, candidates, names, ladder, reference, options)
+    moment = search.moments(speed, response).heading
+    one = Candidate(moment, moment, np.array(chosen, dtype=int), base, 0)
+    direction, chosen = _by_gear(search, one, direction, chosen, 1, options)
     return search.late(response, 1), direction, chosen
 
 
@@ -172,6 +184,10 @@ def choose_along(
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, turn).along, base)
     response, direction, chosen = _decide(search, candidates, names, ladder, reference, options)
+    moment = search.moments(response, turn)
+    columns = np.concatenate([chosen, beside]).astype(int)
+    one = Candidate(moment.along + moment.across, moment.along, columns, base, 0)
+    direction, chosen = _by_gear(search, one, direction, chosen, 0, options)
     return search.late(response, 0), direction, chosen
 
 
@@ -217,59 +233,28 @@ def _decide(
     return response, Direction(name, choice.score, critical), terms
 
 
-def _refine(
-    start: AnyResponse,
-    error: Callable[[AnyResponse], float],
+def _by_gear(
     search: Search,
-    options: SelectionOptions,
-) -> AnyResponse:
-    """Walk a response other than `AT_ONCE` downhill in ever shorter steps; not one of ages."""
-    if start == AT_ONCE or not isinstance(start, Response):
-        return start
-    dt, longest = search.windows.dt, search.windows.longest
-    best, lowest = start, error(start)
-    for step in options.refinements:
-        for _ in range(4):
-            found = [(error(r), r) for r in neighbours(best, step * dt, dt, longest)]
-            if not found or min(found)[0] >= lowest:
-                break
-            lowest, best = min(found)
-    return best
-
-
-def refine_heading(
-    search: Search,
-    speed: AnyResponse,
-    turn: AnyResponse,
+    one: Candidate,
+    direction: Direction,
     terms: tuple[int, ...],
+    which: int,
     options: SelectionOptions,
-) -> AnyResponse:
-    """Response near one of the turn rate by which the best rows err least."""
+) -> tuple[Direction, tuple[int, ...]]:
+    """Add a gain for each way of driving to what was chosen, if that errs less beyond chance.
 
-    def error(response: AnyResponse) -> float:
-        total = search.moments(speed, response).heading.sum(axis=0)
-        weights = solve_columns(total, np.array(terms, dtype=int), search.turn_base)
-        return float(squared_errors(total[None], weights)[0])
-
-    return _refine(turn, error, search, options)
-
-
-def refine_along(
-    search: Search,
-    speed: AnyResponse,
-    turn: AnyResponse,
-    terms: tuple[int, ...],
-    options: SelectionOptions,
-) -> AnyResponse:
-    """Response near one of the forward speed by which the best rows err least."""
-    columns = np.concatenate([terms, search.aside(search.ladders.beside)]).astype(int)
-
-    def error(response: AnyResponse) -> float:
-        moment = search.moments(response, turn)
-        weights = solve_columns((moment.along + moment.across).sum(axis=0), columns, search.base)
-        return float(squared_errors(moment.along.sum(axis=0)[None], weights)[0])
-
-    return _refine(speed, error, search, options)
+    It is looked for by itself: a candidate more in every choice would cost the others power.
+    """
+    gears = search.ladders.gears
+    if gears is None or not search.both_ways:
+        return direction, terms
+    more = tuple(sorted({*terms, which, gears[which]}))
+    both = replace(one, columns=np.union1d(one.columns, more))
+    folds, relative = assign_folds(len(one.judged)), not search.log.steered
+    reference = cross_validate([one], folds, squared_errors(one.judged, one.base), relative).errors
+    score = cross_validate([both], folds, reference, relative).score
+    critical = critical_score(len(folds), options.significance)
+    return (Direction("gears", score, critical), more) if score > critical else (direction, terms)
 
 
 def position_base(commands: int) -> Array:

@@ -14,7 +14,7 @@ class Ladders(NamedTuple):
     """Of one kind of wheels."""
 
     along: Ladder
-    """Terms of the forward speed: its own gain; one for each direction; a turning centre beside the
+    """Terms of the forward speed: its own gain; a turning centre beside the
     pose; v*omega; what is even in omega or saturates."""
     across: Ladder
     """Terms of the sideways speed: a heading that is off; a turning centre ahead of the pose; both;
@@ -25,6 +25,9 @@ class Ladders(NamedTuple):
     beside: tuple[int, ...]
     """Terms of the sideways speed that are free where the forward speed's are chosen."""
 
+    gears: tuple[int, int] | None = None
+    """Terms by which forward speed and turn rate differ in reverse, tried beside the others."""
+
 
 def _ladder(terms: tuple[str, ...], **steps: str) -> Ladder:
     """Steps by name, each with its terms, parted by blanks."""
@@ -34,11 +37,11 @@ def _ladder(terms: tuple[str, ...], **steps: str) -> Ladder:
     )
 
 
+GEARS = TERMS.index("|v|"), TERMS.index("omega*sgn(v)")
 DIFFERENTIAL = Ladders(
     _ladder(
         TERMS,
         gain="v",
-        gears="v |v|",
         gains="v omega",
         product="v omega v*omega",
         slip="v omega v*omega v*|omega| v*omega^2 v*|v|",
@@ -55,14 +58,14 @@ DIFFERENTIAL = Ladders(
         TERMS,
         gain="omega",
         gains="v omega",
-        gears="omega omega*sgn(v)",
         product="v omega v*omega",
         slip="v omega v*omega omega*|omega| omega^3 v^2*omega",
     ),
     (0, 1, 2),
+    GEARS,
 )
 CAR = Ladders(
-    _ladder(TERMS, gain="v", gears="v |v|"),
+    _ladder(TERMS, gain="v"),
     # tyres that drift outwards, and a pose that is not over the rear axle
     _ladder(TERMS, drift="v^2*omega", centre="omega", gains="omega v^2*omega"),
     # what tyres lose at speed, and in tight turns; wheels that are not straight
@@ -71,10 +74,10 @@ CAR = Ladders(
         understeer="omega v^2*omega",
         saturates="omega v^2*omega omega*|omega|",
         draws="v omega v^2*omega",
-        gears="omega v^2*omega omega*sgn(v)",
         slip="v omega v*omega omega*|omega| omega^3 v^2*omega",
     ),
     (0, 1, 2),
+    GEARS,
 )
 OMNI = Ladders(
     _ladder(

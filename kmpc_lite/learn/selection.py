@@ -27,10 +27,9 @@ from kmpc_lite.learn.directions import (
     choose_across,
     choose_along,
     choose_heading,
-    refine_along,
-    refine_heading,
 )
 from kmpc_lite.learn.least_squares import require_trigonometry, symmetric_generator
+from kmpc_lite.learn.refinement import refine_along, refine_heading
 from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
 from kmpc_lite.learn.windows import Rows, Windows, cut, largest_speeds, nominal_rows
 from kmpc_lite.model.dictionary import Dictionary
