@@ -178,6 +178,9 @@ class KoopmanModel:
         commands = np.asarray(inputs, dtype=float)
         if commands.ndim < 2 or commands.shape[-1] != self.inputs:
             raise ValueError(f"inputs: expected shape (T, {self.inputs}), got {commands.shape}")
+        if isinstance(x0, np.ndarray) and x0.shape == (STATES,) and not self.history:
+            if self.closed_form is not None:
+                return self.closed_form.rollout(x0, self.dictionary.inputs(commands, None))
         now = np.zeros((*commands.shape[:-2], self.inputs))
         x, _, past = broadcast(x0, now, history, self.history, self.inputs)
         steps, length = commands.shape[-2], self.history
@@ -244,15 +247,13 @@ class KoopmanModel:
     def with_dt(self, dt: float) -> KoopmanModel:
         """Return the same model for another sampling period [s].
 
-        Only a continuous model without input history has one.
-
-        The noise model is left out: it was measured per period.
+        Only a continuous model without input history has one. Its noise model, which was measured
+        per period, is left out.
         """
         if not self.continuous or self.history:
             raise ModelError(
                 f"model dt {self.dt} s cannot become {dt} s: only an integral fit without input "
-                "history can change its period; "
-                "fit the log again with the new dt"
+                "history can change its period; fit the log again with the new dt"
             )
         return replace(self, dt=dt, noise_model=None)
 

@@ -229,8 +229,9 @@ class CompiledForm(SymmetricForm):
         """States (..., T + 1, 3) from a first one (..., 3), for inputs (..., T, nw)."""
         *motions, periods, _ = w.shape
         out = np.empty((*motions, periods + 1, STATES))
-        begins = np.broadcast_to(x0, (*motions, STATES))
-        c.rollout(*self._arrays, _dense(begins), _dense(w), out)
+        begins = np.empty((*motions, STATES))
+        begins[...] = x0
+        c.rollout(*self._arrays, begins, _dense(w), out)
         return out
 
     def linearize(self, x: Array, w: Array) -> tuple[Array, Array, Array]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,11 +12,8 @@ import kmpc_lite.control.kernels._kernels as c
 from kmpc_lite.control.kernels.scan_map import Bits, Cells, Singles
 from kmpc_lite.types import Array
 
-
-def dense(array: Array) -> Array:
-    """Array as the kernels take it: float64, row by row."""
-    out: Array = np.ascontiguousarray(array, dtype=np.float64)
-    return out
+dense: Callable[[Array], Array] = partial(np.ascontiguousarray, dtype=np.float64)
+"""Array as the kernels take it: float64, row by row."""
 
 
 def clusters(

@@ -130,7 +130,9 @@ class Surroundings:
             found.append(self.kernels.distances_of_motions(self._all, points, times))
         if self.nearby:
             least = self.nearby.least(points.reshape(-1, 2), self.kernels, body)
-            found.append(np.broadcast_to(least.reshape(*points.shape[:3], 1), (*shape, 1)))
+            least = least.reshape(*points.shape[:3], 1)
+            moves = points.shape[1] == len(times)
+            found.append(least if moves else np.broadcast_to(least, (*shape, 1)))
         if self.known < math.inf:
             # as the distance from an obstacle all around that comes nearer
             left = self.known - self.emerging_speed * times
