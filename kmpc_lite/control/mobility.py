@@ -5,12 +5,14 @@ Ramps of the one limit the other, and a robot that could not move at all is refu
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.wheels import Car
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary
 from kmpc_lite.model.koopman import KoopmanModel
@@ -41,7 +43,7 @@ def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProble
         the robot could do at the most.
     """
     ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
-    problem = problem.within_ramps(ramps)
+    problem = within_ramps(problem, ramps)
     largest = np.array(fastest(problem))
     least = np.array((unit_length(problem), HALF_RADIAN)) / SLOWEST
     for (name, unit), value, needed in zip(AXES, largest.tolist(), least.tolist(), strict=True):
@@ -80,6 +82,30 @@ def following(model: KoopmanModel, problem: NavigationProblem) -> KoopmanModel:
         return model
     speed, turn = ((1.0 - share, share) for share in late.tolist())
     return replace(model, dictionary=ResponseDictionary(model.dictionary, speed, turn))
+
+
+def within_ramps(problem: NavigationProblem, ramps: Ramps) -> NavigationProblem:
+    """Return a problem whose robot is asked for no faster changes than its ramps allow.
+
+    What is braked at may be less than what it speeds up at; changes away from zero are limited by
+    either then. A car's second ramp is that of its curvature.
+    """
+    if not ramps.limit:
+        return problem
+    wheels, (faster, slower) = problem.wheels, ramps
+    if isinstance(wheels, Car):
+        given = math.inf if wheels.steering_rate is None else wheels.steering_rate
+        rate = float(min(faster[-1], slower[-1]))
+        wheels = replace(wheels, steering_rate=rate) if rate < given else wheels
+        faster, slower = (np.array((limits[0], math.inf)) for limits in ramps)
+    elif len(slower) != wheels.inputs:
+        faster, slower = (limits[list(wheels.axes)] for limits in ramps)
+    return replace(
+        problem,
+        wheels=wheels,
+        du_max=np.minimum(problem.du_max, np.minimum(faster, slower)),
+        deceleration=np.minimum(problem.deceleration, slower),
+    )
 
 
 def check_motion(model: KoopmanModel, problem: NavigationProblem) -> None:

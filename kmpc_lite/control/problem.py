@@ -24,7 +24,6 @@ from kmpc_lite.control.problem_fields import (
 )
 from kmpc_lite.control.wheels import Differential, Wheels, read_wheels
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
@@ -254,22 +253,6 @@ class NavigationProblem:
         limits = ("u_min", "u_max", "du_max", "deceleration")
         told = {name: getattr(self, name)[list(wheels.axes)] for name in limits}
         return replace(self, wheels=wheels, R=None, **told)
-
-    def within_ramps(self, ramps: Ramps) -> NavigationProblem:
-        """The same for a robot that changes its speeds by ramps: it is asked for no faster changes.
-
-        What is braked at may be less than what it speeds up at; changes away from zero are limited
-        by either then.
-        """
-        if not ramps.limit:
-            return self
-        if len(ramps.slower) != len(self.u_min):  # of speed and turn rate
-            ramps = Ramps(*(limits[list(self.wheels.axes)] for limits in ramps))
-        return replace(
-            self,
-            du_max=np.minimum(self.du_max, np.minimum(*ramps)),
-            deceleration=np.minimum(self.deceleration, ramps.slower),
-        )
 
     @property
     def limits_changes(self) -> bool:

@@ -55,6 +55,8 @@ def describe_making(
         "driven": driven_speeds(data),
         "stopping": measure_stopping(model, data).as_dict(),
     }
+    if data.steered:
+        made["steered"] = True
     return {**made, "vehicle": dict(vehicle)} if vehicle else made
 
 
@@ -90,7 +92,8 @@ def _limits(info: Mapping[str, Any], name: str) -> str:
         return ""
     told, ramps = [], Ramps.of(info, name)
     speeds = ("speed", "speed sideways")[: len(ramps.slower) - 1]
-    units = [*((speed, "m/s^2") for speed in speeds), ("turn rate", "rad/s^2")]
+    last = ("curvature", "1/m/s") if info.get("steered") else ("turn rate", "rad/s^2")
+    units = [*((speed, "m/s^2") for speed in speeds), last]
     for (what, unit), *limits in zip(units, *ramps, strict=True):
         finite = [
             f"{limit:.2g} {unit} {side}"

@@ -8,26 +8,20 @@ commands as the ramps let them through, and the controller asks for no faster ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from kmpc_lite.learn.cross_validation import (
-    SelectionOptions,
-    assign_folds,
-    critical_score,
-    gain_score,
-)
+from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.responses import Response, first_candidates, neighbours
+from kmpc_lite.learn.ramp_search import RampOptions, follow, is_sure, responses, which_best
 from kmpc_lite.learn.selection import learned_axes
+from kmpc_lite.learn.steering_rate import find_steering_rate
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import Array
 
-PARTS = 5
-"""Parts of a period in which a ramp is reckoned."""
 STARTS = 3
 """Starts from rest, or stops, from which on a log says how fast its commands were changed; so many
 as fast as a ramp, or faster, are needed for the ramp to show."""
@@ -46,29 +40,6 @@ MOST = 32
 """Pairs of ramps that are looked at at once: a matter of memory alone."""
 
 
-@dataclass(frozen=True)
-class RampOptions:
-    """How ramps are looked for."""
-
-    window: float = 0.5
-    """Length of the windows whose way is predicted [s]: longer than noise of poses matters."""
-    longest: float = 6.0
-    """Slowest ramp that is tried: time to the fastest command of the log [s]."""
-    step: float = 1.3
-    """Ratio of neighbouring ramps that are tried first."""
-    refined: float = 1.08
-    """The same for those that are tried around the best one."""
-    significance: float = 0.05
-    """Probability at which a ramp may be found that is none: driven more gently, nothing is lost; a
-    ramp that is missed is a stop that comes too late."""
-    worth: float = 0.05
-    """Share of the squared error that a ramp must explain at the least."""
-    blocks: int = 16
-    """Parts of the log that must agree."""
-    most_steps: int = 20_000
-    """Steps of the log that are looked at."""
-
-
 def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
     """Find the ramps of speed and turn rate that a log shows beyond chance.
 
@@ -84,9 +55,11 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
     """
     options = RampOptions() if options is None else options
     found = np.full((len(Ramps._fields), dataset.commands), FREE)
-    # a car's turn rate follows its speed, and its steering has a lag of its own
+    # a car's turn rate follows its speed, and its steering has a rate of its own
     for axis in range(1 if dataset.steered else dataset.commands):
         found[:, axis] = _find(dataset, axis, options)
+    if dataset.steered:
+        found[:, 1] = find_steering_rate(dataset, options)
     return Ramps(*found)
 
 
@@ -99,7 +72,10 @@ def shown_changes(dataset: Dataset) -> Ramps:
     """
     found, longest = np.full((len(Ramps._fields), dataset.commands), FREE), RampOptions.longest
     for axis in range(dataset.commands):
-        commands = [e.inputs[:, axis] for e in dataset.episodes]
+        commands = [
+            held_curvatures(e.inputs) if axis and e.steered else e.inputs[:, axis]
+            for e in dataset.episodes
+        ]
         fastest = max(float(np.abs(u).max()) for u in commands)
         for side, backwards in enumerate((False, True)):
             rates = _starts(commands, dataset.dt, backwards)
@@ -151,28 +127,15 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
         return dataset
     episodes = []
     for episode in dataset.episodes:
-        pairs = zip(episode.inputs.T, ramps.faster[:, None], ramps.slower[:, None], strict=True)
-        columns = [_follow(told, up, down, episode.dt)[1] for told, up, down in pairs]
+        asked = episode.inputs.T
         if episode.steered:  # its wheels stay steered while it rolls
-            columns[1] = columns[0] * held_curvatures(episode.inputs)[:, None]
+            asked = np.stack([asked[0], held_curvatures(episode.inputs)])
+        pairs = zip(asked, ramps.faster[:, None], ramps.slower[:, None], strict=True)
+        columns = [follow(told, up, down, episode.dt)[1] for told, up, down in pairs]
+        if episode.steered:
+            columns[1] = columns[0] * columns[1]
         episodes.append(replace(episode, inputs=np.concatenate(columns, axis=1)))
     return Dataset(episodes)
-
-
-def _follow(told: Array, faster: Array, slower: Array, dt: float) -> tuple[Array, Array]:
-    """Speeds that follow commanded ones (T,) by ramps (C,): means and ends (T, C) of periods."""
-    speed = np.full(len(faster), told[0])
-    up, down = faster * dt / PARTS, slower * dt / PARTS
-    means, ends = np.empty((2, len(told), len(faster)))
-    for k, aim in enumerate(told.tolist()):
-        total = 0.5 * speed
-        for _ in range(PARTS):
-            grows = np.abs(aim) >= np.abs(speed)
-            limit = np.where(grows & (aim * speed >= 0.0), up, down)
-            speed = speed + np.minimum(np.maximum(aim - speed, -limit), limit)
-            total = total + speed
-        means[k], ends[k] = (total - 0.5 * speed) / PARTS, speed
-    return means, ends
 
 
 def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, float]:
@@ -198,40 +161,17 @@ def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, flo
     left = min(e.sum(axis=2).min(initial=np.inf) for e in (none, errors))
     if errors.shape[2] < options.blocks // 2 or not left < (1.0 - EXPLAINED) * motion:
         return FREE, FREE
-    if not _is_sure(none, errors, options):
+    if not is_sure(none, errors, options):
         return FREE, FREE
-    pair = faster[best := _best(errors)], slower[best]
+    pair = faster[best := which_best(errors)], slower[best]
     around = options.refined ** np.arange(-3, 4)
     nearby = [v * around if np.isfinite(v) else np.array([FREE]) for v in pair]
     faster, slower = (a.ravel() for a in np.meshgrid(*nearby))
-    best = _best(_errors(pieces, faster, slower, dataset.dt, options)[0])
+    best = which_best(_errors(pieces, faster, slower, dataset.dt, options)[0])
     found = float(faster[best]), float(slower[best])
     asked = (_starts([u for u, _ in pieces], dataset.dt, back) for back in (False, True))
     shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
     return found if any(shows) else (FREE, FREE)
-
-
-def _best(errors: Array) -> int:
-    """Which ramps (C, R, B) explain most, each with the response that suits it best."""
-    return int(errors.sum(axis=2).min(axis=1).argmin())
-
-
-def _is_sure(free: Array, limited: Array, options: RampOptions) -> bool:
-    """Whether ramps (C, R, B) explain more than none (1, R, B), beyond chance, and enough.
-
-    What is compared on a part of the log was chosen on the others.
-    """
-    blocks = free.shape[2]
-    folds, honest = assign_folds(blocks), np.empty((2, blocks))
-    for kind, errors in enumerate((free, limited)):
-        flat = errors.reshape(-1, blocks)
-        for fold in range(int(folds.max()) + 1):
-            out = folds == fold
-            honest[kind, out] = flat[int(flat[:, ~out].sum(axis=1).argmin())][out]
-    reference, errors = honest
-    if errors.sum() > (1.0 - options.worth) * reference.sum():
-        return False
-    return gain_score(reference, errors) > critical_score(blocks, options.significance)
 
 
 def _errors(
@@ -249,13 +189,13 @@ def _errors(
     Responses lie `parts` times as close as those that are tried first when a model is learned.
     """
     longest = SelectionOptions().longest_history(dt)
-    kinds = _responses(dt, longest, parts)
+    kinds = responses(dt, longest, parts)
     length = max(1, round(options.window / dt))
     moved, sums, ends = [], [], []
     for told, went in pieces:
         if len(told) < longest + 2 * length:
             continue
-        passed, _ = _follow(told, faster, slower, dt)
+        passed, _ = follow(told, faster, slower, dt)
         sums.append(np.cumsum(np.vstack([np.zeros(len(faster)), passed]), axis=0))
         # ways of whole windows, every half of one
         ends.append(np.arange(longest + length, len(told) + 1, max(1, length // 2)))
@@ -275,18 +215,6 @@ def _errors(
         for b, block in enumerate(np.array_split(left, blocks, axis=1)):
             found[some, :, b] = block.sum(axis=1).T
     return found, float(seen @ seen)
-
-
-def _responses(dt: float, longest: int, parts: int) -> Array:
-    """Weights (R, longest + 1) of the commands' ages for each response that is tried."""
-    tried = {Response(*r) for r in first_candidates(dt, longest)}
-    for _ in range(parts - 1):
-        tried |= {n for r in tried for n in neighbours(r, dt / parts, dt, longest)}
-    kinds = np.zeros((len(tried), longest + 1))
-    for response, row in zip(sorted(tried), kinds, strict=True):
-        kernel = response.weights(dt, longest)
-        row[: len(kernel)] = kernel
-    return kinds
 
 
 def _pieces(dataset: Dataset, axis: int, options: RampOptions) -> list[tuple[Array, Array]]:

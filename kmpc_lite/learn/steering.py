@@ -21,7 +21,9 @@ from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.types import Array
 
 PIECE = 1.0
-"""Time over which driven and turned are compared [s]: a servo's lag is short beside it."""
+"""Time over which driven and turned are compared [s]."""
+LAGS = np.array((1e-9, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6))
+"""Time constants of the steering that are tried [s]."""
 LEAST_TURNED = 1.0
 """Sum of the turns that tell a wheelbase [rad]."""
 EXPLAINED = 0.2
@@ -132,8 +134,9 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
     DataError
         If the log turns too little to tell, or turns otherwise than it is steered.
     """
-    driven, turned, slopes = _pieces(time, poses, np.tan(angles))
-    bent = driven * slopes
+    _, turned, ways = _pieces(time, poses, np.tan(angles))
+    explained = (ways @ turned) ** 2 / np.maximum((ways**2).sum(axis=1), 1e-12)
+    bent = ways[int(explained.argmax())]
     _must_explain(turned, bent)
     return float(bent @ bent / (bent @ turned))
 
@@ -146,10 +149,15 @@ def find_servo(time: Array, poses: Array, positions: Array) -> tuple[float, floa
     DataError
         If the log turns too little to tell, or turns otherwise than it is steered.
     """
-    driven, turned, means = _pieces(time, poses, positions)
-    columns = np.column_stack([driven * means, driven])
-    gain, offset = np.linalg.lstsq(columns, turned, rcond=1e-9)[0].tolist()
-    _must_explain(turned, driven * (means + offset / gain) if gain else driven)
+    driven, turned, ways = _pieces(time, poses, positions)
+    columns = [np.column_stack([bent, driven]) for bent in ways]
+    found = [np.linalg.lstsq(both, turned, rcond=1e-9)[0] for both in columns]
+    left = [
+        float(((both @ one - turned) ** 2).sum()) for both, one in zip(columns, found, strict=True)
+    ]
+    best = int(np.argmin(left))
+    gain, offset = found[best].tolist()
+    _must_explain(turned, columns[best] @ found[best] if gain else driven)
     return gain, -offset / gain
 
 
@@ -166,22 +174,24 @@ def _must_explain(turned: Array, bent: Array) -> None:
 
 
 def _pieces(time: Array, poses: Array, slopes: Array) -> tuple[Array, Array, Array]:
-    """Distance ahead, turn, and mean slope of pieces of a log."""
+    """Distance ahead (P,), turn, and slopes summed over distance (LAGS, P) of pieces of a log."""
     heading = np.unwrap(poses[:, 2])
     ahead, _ = rotate(np.diff(poses[:, 0]), np.diff(poses[:, 1]), -heading[:-1])
     steps = np.diff(time)
     held = (steps > 0.0) & (steps < PIECE)  # what is left out of a log is no drive
     number = np.floor((time[:-1] - time[0]) / PIECE).astype(int)
     count = int(number.max(initial=0)) + 1
-    total = np.bincount(number, held * steps, count)
+    used = np.bincount(number, held * steps, count) > 0.5 * PIECE
+    steered = np.empty((len(LAGS), len(steps)))
+    now = np.full(len(LAGS), slopes[0])
+    for k, share in enumerate(-np.expm1(-np.maximum(steps, 0.0)[:, None] / LAGS)):
+        steered[:, k] = now = now + share * (slopes[k] - now)
 
     def summed(values: Array) -> Array:
-        out: Array = np.bincount(number, np.where(held, values, 0.0), count)
+        out: Array = np.bincount(number, np.where(held, values, 0.0), count)[used]
         return out
 
-    mean = summed(slopes[:-1] * steps) / np.maximum(total, 1e-9)
-    used = total > 0.5 * PIECE
-    return summed(ahead)[used], summed(np.diff(heading))[used], mean[used]
+    return summed(ahead), summed(np.diff(heading)), np.stack([summed(ahead * s) for s in steered])
 
 
 def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:

@@ -14,7 +14,10 @@ FREE = np.inf
 
 
 class Ramps(NamedTuple):
-    """Largest changes of each number of a command, (m,) each [m/s^2, rad/s^2]."""
+    """Largest changes of each number of a command, (m,) each [m/s^2, rad/s^2].
+
+    Of a car the second one is that of its curvature [1/m per second].
+    """
 
     faster: Array
     """Away from zero; infinite if no ramp is known."""
