@@ -180,6 +180,7 @@ class Pipeline:
             if guidance is None
             else guidance.states,
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
+            late=0 if known.capabilities is None else known.capabilities.late,
             curvature=state.history.curvature,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
             deadline=clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE)),

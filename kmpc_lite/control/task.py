@@ -37,6 +37,8 @@ class Task(NamedTuple):
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""
+    late: int = 0
+    """Stages of the reference to which commands lead that were sent before."""
     curvature: float = 0.0
     """In which the wheels of a car stand now [1/m]."""
     terminal_share: float = 1.0

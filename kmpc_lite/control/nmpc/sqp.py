@@ -199,7 +199,10 @@ class SQP:
         if isinstance(car, Car):
             braking = dt * float(self.problem.du_max[0])
             gears = car.gears(task.reference, here, task.last, braking)
-            self._wanted = wanted = car.commands(task.reference, task.curvature, dt)
+            # what is commanded now leads to poses that come later
+            late = min(task.late, self.qp.horizon - 1)
+            wanted = car.commands(task.reference[late:], task.curvature, dt)
+            self._wanted = wanted = np.concatenate([wanted, wanted[-1:].repeat(late, axis=0)])
             self.qp.set_gears(gears, car.curvatures(wanted, task.curvature, dt))
             self.qp.set_input_reference(self.problem.within_bounds(wanted), car.waits(wanted))
 
