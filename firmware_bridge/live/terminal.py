@@ -122,6 +122,8 @@ def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:
     lines.append(
         f"command     v {output.v:7.3f} m/s {v_bar}   omega {output.omega:7.3f} rad/s {omega_bar}"
     )
+    if output.vy:
+        lines[-1] += f"   vy {output.vy:7.3f} m/s {_bar(output.vy / limits.sideways)}"
     failed = f"   failed {planner.errors}: {planner.last_error}" if planner.errors else ""
     lines.append(f"controller  {_times(planner.step_time)}{failed}")
     lines.append(f"latency     pose to wire {_times(loop.statistics.pose_to_wire)}")
