@@ -88,7 +88,7 @@ class DriveRecorder:
 
         self._job, self._session, self._insight = job, session, insight
         self._file = file
-        self._looked, self._curvature = -1.0, 0.0
+        self._looked = -1.0
         self._stamps: deque[float] = deque([-1.0], maxlen=STAMPS)
         self._gate: tuple[Any, Any] = (None, ())
         self._plan: tuple[Any, ...] | None = None
@@ -111,11 +111,7 @@ class DriveRecorder:
             place = (state.x, state.y, state.theta)
             self._file.put(PoseSeen(state.stamp, place, (state.v, state.omega)))
         if sent:
-            wheels, more = self._job.robot.wheels, None
-            if wheels.kind != "differential":
-                row = wheels.row(output.speeds, self._curvature)
-                more, self._curvature = (wheels.columns[1], row[1]), row[1]
-            self._file.put(Sent(now, (output.v, output.omega), more))
+            self._file.put(Sent(now, (output.v, output.omega)))
         if (gate := (output.state, output.reasons)) != self._gate:
             self._gate = gate
             self._file.put(Gate(now, output.state.name, tuple(r.value for r in output.reasons)))

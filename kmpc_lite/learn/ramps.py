@@ -18,6 +18,7 @@ from kmpc_lite.learn.ramp_search import RampOptions, follow, is_sure, responses,
 from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.learn.steering_rate import find_steering_rate
 from kmpc_lite.model.dictionary.curvature import held_curvatures
+from kmpc_lite.model.dictionary.response import driven_by_ramps
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import Array
@@ -114,11 +115,12 @@ def with_ramps(model: KoopmanModel, dataset: Dataset, ramps: Ramps) -> KoopmanMo
     The controller asks for no faster ones, for the log does not show how the robot follows them. If
     the model knows no more of a speed than the nominal robot does, nothing limits its changes.
     """
-    known = learned_axes(model) | np.isfinite(ramps).any(axis=0)
-    shown = np.where(known, shown_changes(dataset), FREE)
+    limited = np.asarray(np.isfinite(ramps).any(axis=0))
+    shown = np.where(learned_axes(model) | limited, shown_changes(dataset), FREE)
     told = {"ramps": ramps, "changes": Ramps(*shown)}
     limits = {name: limits.as_dict() for name, limits in told.items() if limits.limit}
-    return replace(model, info={**model.info, **limits})
+    dictionary = driven_by_ramps(model.dictionary, limited)
+    return replace(model, dictionary=dictionary, info={**model.info, **limits})
 
 
 def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
@@ -143,10 +145,8 @@ def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, flo
     pieces = _pieces(dataset, axis, options)
     told = np.concatenate([u for u, _ in pieces]) if pieces else np.zeros(1)
     fastest = float(np.abs(told).max())
-    jumps = (
-        max((float(np.abs(np.diff(u)).max(initial=0.0)) for u, _ in pieces), default=0.0)
-        / dataset.dt
-    )
+    changes = (float(np.abs(np.diff(u)).max(initial=0.0)) for u, _ in pieces)
+    jumps = max(changes, default=0.0) / dataset.dt
     least = fastest / options.longest
     if fastest <= 0.0 or jumps <= least:
         return FREE, FREE

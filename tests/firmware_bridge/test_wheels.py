@@ -11,17 +11,12 @@ from firmware_bridge.cli.course import base_problem, load_model
 from firmware_bridge.kinematics import CarGeometry, OmniGeometry, curvature_of
 from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.odometry import Steering, WheelOdometry
-from firmware_bridge.recording.drive.encoder import DriveEncoder
-from firmware_bridge.recording.drive.records import Ended, Gate, PoseSeen, Sent
 from firmware_bridge.recording.recorder import HEADERS, RowSampler, Tick
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.controller_thread import SentCommands, unicycle_arc
 from firmware_bridge.safety.limits import Limits
 from firmware_bridge.wheels import Wheels, read_wheels
 from kmpc_lite import Car, Omni
-from kmpc_lite.learn.formats.recorded import read_recorded
-from kmpc_lite.learn.logs import ReadOptions
-from kmpc_lite.scenario.files import Scenario
 
 CAR = CarGeometry(
     wheel_radius=0.05, max_wheel_speed=1.5, wheelbase=0.3, steering_angle=0.5, steering_rate=4.0
@@ -166,25 +161,3 @@ def test_a_robot_files_car_is_the_controllers():
     problem = base_problem(omni, 0.1)
     assert problem.wheels == Omni() and problem.u_max.tolist() == [0.3, 0.3, 0.8]
     assert load_model(omni)[1].inputs == 3
-
-
-@pytest.mark.parametrize(
-    ("more", "columns", "row"),
-    [
-        (("vy", 0.2), ("v", "lateral", "omega"), (0.3, 0.2, -0.1)),
-        (("curvature", -0.5), ("v", "curvature"), (0.3, -0.5)),
-        (None, ("v", "omega"), (0.3, -0.1)),
-    ],
-)
-def test_a_recorded_drive_says_what_the_robot_drives_on(tmp_path, more, columns, row):
-    encoder = DriveEncoder(Scenario.load("four_circles_1"), 0.1, {})
-    records = [Gate(0.9, "ACTIVE", ())]
-    for k in range(20):
-        records.append(PoseSeen(1.5 + 0.1 * k, (0.1 * k, 0.0, 0.0)))
-        records.append(Sent(1.5 + 0.1 * k, (0.3, -0.1), more))
-    ended = Ended(4.0, {"outcome": "timeout"})
-    pieces = encoder.encode([*records, ended])
-    (tmp_path / "drive.mcap").write_bytes(encoder.begin(0.0) + b"".join(pieces))
-    log = read_recorded(tmp_path / "drive.mcap", ReadOptions())
-    assert log.columns == columns
-    np.testing.assert_allclose(log.commands.values, [row] * len(log.commands.values))

@@ -124,8 +124,7 @@ class DriveEncoder:
     @_messages.register
     def _(self, record: Sent, now: int) -> Iterator[Message]:
         v, omega = (round(float(part), 6) for part in record.command)
-        more = {} if record.more is None else {record.more[0]: round(record.more[1], 6)}
-        yield Message("/command", now, {"timestamp": stamp(now), "v": v, "omega": omega, **more})
+        yield Message("/command", now, {"timestamp": stamp(now), "v": v, "omega": omega})
 
     @_messages.register
     def _(self, record: Gate, now: int) -> Iterator[Message]:

@@ -36,8 +36,6 @@ class Sent(NamedTuple):
     time: float
     command: tuple[float, float]
     """v [m/s], omega [rad/s]."""
-    more: tuple[str, float] | None = None
-    """Name and value of what else steers: an omni's ``vy`` [m/s], a car's ``curvature`` [1/m]."""
 
 
 class Stepped(NamedTuple):

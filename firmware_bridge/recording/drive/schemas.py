@@ -107,7 +107,6 @@ LOG = table(
     line=INTEGER,
 )
 COMMAND = table("kmpc.Command", timestamp=TIME, v=NUMBER, omega=NUMBER)
-COMMAND["properties"] |= {"vy": NUMBER, "curvature": NUMBER}  # of omnis, of cars
 STEP = table(
     "kmpc.Step",
     timestamp=TIME,

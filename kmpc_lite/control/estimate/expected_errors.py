@@ -121,7 +121,7 @@ class ExpectedErrors:
         else:
             error, heading = state.error, float(period.pose[2])
             if self._ramps_are_given:
-                change = self._dt * (period.command - period.earlier[-1])
+                change = self._dt * (speeds(period.command) - speeds(period.earlier[-1]))
                 error = _unexplained(error, heading, change)
             self.judge(state, error, heading, period.command)
 

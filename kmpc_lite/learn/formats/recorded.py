@@ -13,9 +13,6 @@ from kmpc_lite.learn.formats.mcap import LARGEST_MESSAGE, Found, read_mcap
 from kmpc_lite.learn.formats.streams import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 
-TWO_SPEEDS = ("v", "omega")
-WHEELS = {"vy": ("v", "lateral", "omega"), "curvature": ("v", "curvature")}
-"""Columns of commands that hold this, too: an omni's, a car's."""
 POSES, COMMANDS, GATE = "/pose", "/command", "/gate"
 DRIVING = ("ACTIVE", "STOPPING", "HOLDING")
 """States of the safety gate in which the robot obeys the commands that are recorded."""
@@ -36,7 +33,7 @@ def read_recorded(path: Path, options: ReadOptions) -> Log:
     series = [_series(path, name, rows) for name, rows in taken.rows.items()]
     topics = tuple(Topic(name, "kmpc", count, None) for name, count in sorted(taken.counts.items()))
     notes = (f"poses: {series[0].source}; commands: {series[1].source}", *taken.notes())
-    return Log(str(path), series[0], series[1], columns=taken.columns, topics=topics, notes=notes)
+    return Log(str(path), series[0], series[1], topics=topics, notes=notes)
 
 
 class _Taken:
@@ -44,8 +41,6 @@ class _Taken:
 
     def __init__(self, options: ReadOptions) -> None:
         self.rows = {POSES: Thinned(3, options.spacing), COMMANDS: Thinned(2, options.spacing)}
-        self.columns: tuple[str, ...] = TWO_SPEEDS
-        self._spacing = options.spacing
         self.counts: Counter[str] = Counter()
         self._obeys, self._from = True, -1.0
         self._left_out = 0
@@ -67,22 +62,13 @@ class _Taken:
             obeyed, self._obeys = self._obeys, told["state"] in DRIVING
             self._from = time if self._obeys and not obeyed else self._from
         elif found.topic == COMMANDS:
-            self._begin(told)
-            names = ("vy" if name == "lateral" else name for name in self.columns)
-            self.rows[COMMANDS].add(time, *(_number(told[name]) for name in names))
+            self.rows[COMMANDS].add(time, _number(told["v"]), _number(told["omega"]))
         elif not self._obeys or time < self._from + BREAKS:
             self._left_out += 1
         else:
             place, turn = told["pose"]["position"], told["pose"]["orientation"]
             heading = remainder(2.0 * atan2(_number(turn["z"]), _number(turn["w"])), tau)
             self.rows[POSES].add(time, _number(place["x"]), _number(place["y"]), heading)
-
-    def _begin(self, told: dict[str, Any]) -> None:
-        """See of the first command what the robot drives on."""
-        columns = next((WHEELS[name] for name in WHEELS if name in told), TWO_SPEEDS)
-        if columns != self.columns and self.counts[COMMANDS] == 1:
-            self.columns = columns
-            self.rows[COMMANDS] = Thinned(len(columns), self._spacing)
 
     def notes(self) -> tuple[str, ...]:
         """What a user should know."""

@@ -26,6 +26,9 @@ from kmpc_lite.model.dictionary.terms import (
 )
 from kmpc_lite.types import INPUTS, Array
 
+WITHIN = (0.5, 0.5)
+"""How much of a change by a ramp is driven in its period, and in the next one."""
+
 
 class ResponseDictionary(LiftedAsBase):
     """A dictionary whose model is driven by filtered commands and their slip terms.
@@ -173,6 +176,20 @@ class ResponseDictionary(LiftedAsBase):
             "limits": list(self.limits),
             **({"steered": True} if self.steered else {}),
         }
+
+
+def driven_by_ramps(dictionary: Dictionary, limited: Array) -> Dictionary:
+    """Give an answer of one period two where a command is followed by a ramp, (m,).
+
+    Half of its change is driven in its period, half in the next one: a log whose floor slips much
+    may not show it.
+    """
+    if not isinstance(dictionary, ResponseDictionary):
+        return dictionary
+    both = (dictionary.speed, limited[:-1].any()), (dictionary.turn, limited[-1])
+    speed, turn = (WITHIN if ramped and len(weights) == 1 else weights for weights, ramped in both)
+    told = dictionary.terms, dictionary.smoothing, dictionary.limits, dictionary.steered
+    return ResponseDictionary(dictionary.base, speed, turn, *told)
 
 
 def _weights(name: str, values: Sequence[float]) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""Studies ``anyrobot``, ``scales``, ``limits``: whether it drives a robot nobody has tuned it for.
+"""Studies ``anyrobot`` and ``scales``: whether it drives a robot nobody has tuned it for.
 
 Size, speed, period, lag, slip, turning centre, noise and, of one in three, a footprint that is no
 circle are drawn at random from a seed.
@@ -45,6 +45,8 @@ class Robot:
     """Time from a command to the motors' first reaction [s]."""
     ramps: tuple[float, float] = (0.0, 0.0)
     """Least time from rest to full speed, and from full speed to rest [s]."""
+    turn_ramp: float | None = None
+    """The same of both for the turn rate; as `ramps` if not given."""
     slip: float = 0.0
     """Mean of the slip ratios."""
     turn_gain: float = 1.0
@@ -151,7 +153,7 @@ KNOWN = (
     Robot("fast", speed=3.0, turn_rate=2.0, slip=0.05, learned=False),
 )
 """Robots of known kinds, driven with the nominal model on a slipping floor."""
-LIMITS = (
+ODD = (
     Robot("one-minute log", noise=(0.02, math.radians(3.0)), slip=0.05, seconds=60.0),
     *(
         Robot(f"ramps {up:g}, {down:g} s", ramps=(up, down), lag=0.1, dead_time=0.1, slip=0.05)
@@ -229,7 +231,8 @@ class RobotPlant:
         """What the motors are asked for when the ramps have let it through, a time [s] later."""
         robot, now = self._robot, self._asked
         slows = (np.abs(asked) < np.abs(now)) | (asked * now < 0.0)
-        times = np.where(slows, robot.ramps[1], robot.ramps[0])
+        turns = robot.ramps if robot.turn_ramp is None else (robot.turn_ramp,) * 2
+        times = np.where(slows, (robot.ramps[1], turns[1]), (robot.ramps[0], turns[0]))
         full = np.array((robot.speed, robot.turn_rate))
         most = np.where(times > 0.0, full * h / np.maximum(times, 1e-9), np.inf)
         self._asked = now + np.clip(asked - now, -most, most)
@@ -237,11 +240,15 @@ class RobotPlant:
 
 
 def record(robot: Robot, seed: int) -> Dataset:
-    """A log of random driving: commands held for half a second on the mean, noisy poses."""
+    """A log of random driving, poses with noise.
+
+    Commands are held for half a second, or as long as its ramps need for most of them.
+    """
     random = np.random.default_rng([seed, 5])
     plant, pose = RobotPlant(robot, seed + 1), np.zeros(3)
     count = round(robot.seconds / robot.dt)
-    hold = max(round(0.5 / robot.dt), 1)
+    longest = max(0.5, 0.7 * max(*robot.ramps, robot.turn_ramp or 0.0))
+    hold = max(round(longest / robot.dt), 1)
     least = -1.0 if robot.reverse else 0.0
     bounds = np.array((robot.speed, robot.turn_rate))
     drawn = random.uniform((least, -1.0), 1.0, (count // hold + 1, 2)) * bounds

@@ -61,7 +61,7 @@ def test_study_tells_at_once_that_peers_are_missing(
     [
         "anyrobot --drives 1 --round",
         "anyrobot --drives 1 --wheels car",
-        "limits --drives 1 --only one-minute",
+        "scales --drives 1 --only one-minute",
     ],
 )
 def test_robots_that_were_driven_are_not_driven_again(

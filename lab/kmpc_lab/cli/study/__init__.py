@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kmpc_lab.cli.study import clutter, maps, robots, surprises
+from kmpc_lab.cli.study import clutter, limits, maps, robots, surprises
 from kmpc_lite.cli.command import Command
 
 COMMAND = Command(
@@ -23,5 +23,6 @@ COMMAND = Command(
         "parking": robots.PARKING,
         "sight": surprises.SIGHT,
         "clutter": clutter.CLUTTER,
+        "limits": limits.LIMITS,
     },
 )

@@ -22,9 +22,8 @@ STUDIES = {
     "centre, noise and, of one in three, a footprint; cars and omnis by --wheels. Each is learned "
     "from its own log and drives a map of its size.",
     "scales": "The standard robot at six scales, and robots of other numbers: Husky-like, "
-    "Warthog-like, micro, forward only, slow to turn, fast.",
-    "limits": "The standard robot learned from one minute of poses that err by 2 cm and 3 degrees; "
-    "and driven at a period of 1 s, at horizons of 10, 20 and 40.",
+    "Warthog-like, micro, forward only, slow to turn, fast; learned from one minute of poses that "
+    "err by 2 cm and 3 degrees; with ramps; at a period of 1 s and horizons of 10, 20 and 40.",
 }
 
 
@@ -53,14 +52,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, bool]:
     """Drive the robots of a study."""
     from kmpc_lab.studies import robot_drives
-    from kmpc_lab.studies.any_robot import KNOWN, LIMITS, SCALES, STANDARD, scaled
+    from kmpc_lab.studies.any_robot import KNOWN, ODD, SCALES, STANDARD, scaled
 
     seeds = range(options.seed, options.seed + options.drives)
     if name == "anyrobot":
         rows = robot_drives.study_random(seeds, not options.round, options.wheels, work)
     else:
-        at_scales = (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
-        robots = {robot.name: robot for robot in (LIMITS if name == "limits" else at_scales)}
+        at_scales = (scaled(STANDARD, by) for by in SCALES)
+        robots = {robot.name: robot for robot in (*at_scales, *KNOWN, *ODD)}
         asked = [robots[name] for name in chosen(robots, options.only)]
         rows = robot_drives.study(name, asked, seeds, work)
     return list(map(asdict, rows)), robot_drives.format_rows(rows), False

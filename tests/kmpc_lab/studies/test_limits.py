@@ -1,0 +1,46 @@
+"""`kmpc study limits`: fields, ideal times, the law of sight, and one drive of a row."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kmpc_lab.studies import accelerations, reach_curve
+from kmpc_lab.studies.accelerations import LimitedDrive
+
+ROBOT = "1.5 m/s, 1.5 m/s^2, 5 rad/s^2"
+
+
+def test_the_ideal_time_is_that_of_ramps() -> None:
+    start, far, near = np.zeros(3), np.array((6.0, 0.0, 0.0)), np.array((0.54, 0.0, 0.0))
+    # 1 s to full speed and 1 s to rest lead 1.5 m; what is nearer is driven by ramps alone
+    assert accelerations.ideal_seconds(ROBOT, start, far) == pytest.approx(1.0 + 4.0)
+    assert accelerations.ideal_seconds(ROBOT, start, near) == pytest.approx(2.0 * 0.6)
+    turned = np.array((6.0, 0.0, 0.2))
+    assert accelerations.ideal_seconds(ROBOT, start, turned) == pytest.approx(5.0 + 0.4)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_fields_have_gaps_that_the_robot_can_drive_through(seed: int) -> None:
+    robot = accelerations.robot_of(ROBOT)
+    start, goal, circles = accelerations.field(robot, 8.0, seed)
+    others = np.vstack([circles, (*start[:2], 0.0), (*goal[:2], 0.0)])
+    for k, (x, y, radius) in enumerate(circles):
+        gaps = np.hypot(*(np.delete(others, k, 0)[:, :2] - (x, y)).T) - radius
+        assert (gaps - np.delete(others, k, 0)[:, 2] >= 3.0 * robot.radius - 1e-9).all()
+
+
+def test_the_robot_drives_by_what_it_sees_as_fast_as_the_law_says() -> None:
+    point = reach_curve.drive(ROBOT, 0.5, "given")
+    assert point.law == pytest.approx(1.02, abs=0.01)
+    assert 0.75 * point.law < point.speed < 1.05 * point.law
+
+
+def test_a_drive_of_a_row_is_counted_and_told() -> None:
+    row = accelerations.drive(ROBOT, "given", 0.0, 3)
+    assert row.in_pose and not row.collided and row.stopped + row.feasible < 0.2
+    slower = LimitedDrive(**{**vars(row), "knows": "learned", "seconds": 2.0 * row.seconds})
+    touched = LimitedDrive(**{**vars(row), "collided": True, "in_pose": False, "seed": 4})
+    table = accelerations.format_rows([row, slower, touched]).splitlines()
+    assert len(table) == 4 and table[2].endswith("2.00")
+    assert table[-1].endswith("field 4: touched")
