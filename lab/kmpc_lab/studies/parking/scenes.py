@@ -57,7 +57,7 @@ def along_a_kerb(gap: float, car: DrawnCar, random: np.random.Generator) -> Scen
         Wall(-far, lane, far + end, lane, THIN * length),
     ]
     middle = 0.5 * (end - length)
-    # the parked side by side with its neighbours, in the middle of its gap
+    # side by side with its neighbours, in the middle of the gap
     goal = np.array((middle + car.overhang, -0.5 * width, 0.0))
     x, y = end + length * random.uniform(-2.5, 0.6), width * random.uniform(0.8, 1.2)
     return Scene(np.array((x, y, random.uniform(-TURNED, TURNED))), goal, solids)
