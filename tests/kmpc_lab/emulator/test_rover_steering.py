@@ -124,7 +124,9 @@ def test_its_log_is_a_cars_and_what_is_learned_of_it_drives_through_a_door(
     assert "on the spot" not in capsys.readouterr().out
     learned = kl.KoopmanModel.load(model)
     assert "ramps" not in learned.info
-    door = replace(Scenario.load("walls_door"), wheels=kl.Car(RADIUS))
+    door = replace(
+        Scenario.load("walls_door"), wheels=kl.Car(1.1 * RADIUS)
+    )  # a tenth to steer back with
     fastest = np.array((0.5, 0.5 / RADIUS))
     most, ramp = tuple(fastest), (SPEEDS.acceleration, SPEEDS.angular_acceleration)
     base = kl.NavigationProblem(
