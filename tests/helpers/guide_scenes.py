@@ -59,8 +59,3 @@ def drive(
         x = trace[-1]
         states.append(x)
     return np.array(states), np.array(gaps)
-
-
-def at_rest_in(states: np.ndarray, goal: np.ndarray) -> bool:
-    turn = (states[-1, 2] - goal[2] + np.pi) % (2 * np.pi) - np.pi
-    return bool(np.hypot(*(states[-1] - goal)[:2]) <= 0.02 and abs(turn) <= 0.05)

@@ -60,17 +60,6 @@ def test_an_outlier_costs_one_period(off: tuple[float, float, float]) -> None:
     assert plans[-1].holding
 
 
-@pytest.mark.parametrize("off", [(0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.5)])
-def test_a_robot_stands_while_its_pose_is_wrong_and_goes_on_where_it_was(
-    off: tuple[float, float, float],
-) -> None:
-    controller = kl.Controller(kl.nominal_unicycle(DT))
-    plans, poses = drive(controller, jump(*off, NO_STEPS, NO_STEPS + 10))
-    assert waiting(plans) == list(range(NO_STEPS, NO_STEPS + 10))
-    assert not plans[NO_STEPS + 9].command.any()
-    assert np.hypot(*(poses[-1] - GOAL)[:2]) < 0.03
-
-
 def test_a_pose_that_stays_where_it_jumped_to_is_believed_after_two_seconds() -> None:
     controller = kl.Controller(kl.nominal_unicycle(DT))
     plans, poses = drive(controller, jump(0.3, 0.2, 0.1, NO_STEPS, 1000), 110)

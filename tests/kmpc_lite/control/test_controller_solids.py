@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lab.sim.closed_loop import Outcome, drive
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.world.solids import Solids
-from kmpc_lite.scenario.files import Scenario
 
 SOLIDS = [kl.Polygon([(0.5, -0.2), (0.9, -0.2), (0.8, 0.3)]), kl.Wall(-0.5, 0.6, 0.8, 0.7, 0.05)]
 
@@ -25,64 +21,6 @@ def cells(*occupied: tuple[int, int, int, int], size: int = 80) -> kl.OccupancyG
     for x0, y0, x1, y1 in occupied:
         grid[y0:y1, x0:x1] = True
     return kl.OccupancyGrid(grid, 4.0 / size, (-2.0, -2.0, 0.0))
-
-
-@pytest.mark.parametrize("name", ["walls_door", "u_walls", "polygons", "room_grid"])
-def test_bundled_scenarios_with_solids_are_driven(learned: kl.KoopmanModel, name: str) -> None:
-    scenario = Scenario.load(name)
-    run = drive(kl.Controller(learned, scenario.problem()), scenario)
-    assert run.outcome is Outcome.REACHED
-    assert run.clearance > 0.0
-    assert set(run.statuses) <= {"SOLVED", "FEASIBLE"}
-
-
-def test_a_wall_of_circles_and_the_wall_itself_are_driven_around_alike(
-    learned: kl.KoopmanModel,
-) -> None:
-    wall = Scenario(
-        "wall",
-        (-2, -2, 2, 2),
-        (),
-        0.15,
-        (-1.5, 0.0, 0.0),
-        (1.5, 0.0, 0.0),
-        walls=(kl.Wall(0.0, -1.0, 0.0, 0.8, 0.2),),
-    )
-    circles = replace(
-        wall, walls=(), circles=tuple(kl.Circle(0.0, y, 0.1) for y in np.arange(-1.0, 0.81, 0.05))
-    )
-    runs = [drive(kl.Controller(learned, s.problem()), s) for s in (wall, circles)]
-    assert [r.outcome for r in runs] == [Outcome.REACHED] * 2
-    assert abs(runs[0].duration - runs[1].duration) <= 0.5
-    for run in runs:
-        assert run.path[:, 1].max() > 0.9
-
-
-def test_a_map_with_ragged_walls_is_driven(
-    learned: kl.KoopmanModel,
-) -> None:
-    """As a lidar leaves them: hundreds of rectangles.
-
-    Also where the corners that matter are never all found.
-    """
-    random, grid = np.random.default_rng(0), np.zeros((120, 120), dtype=bool)
-    for column in range(120):
-        if not 80 <= column < 94:
-            grid[40 + column // 3 : 44 + column // 3 + random.integers(0, 3), column] = True
-    walls = kl.OccupancyGrid(grid, 0.05, (-3.0, -3.0, 0.0))
-    assert len(walls.rectangles) > 60
-    scenario = Scenario(
-        "ragged",
-        (-3, -3, 3, 3),
-        (),
-        0.15,
-        (-1.0, -2.0, 0.0),
-        (-1.0, 1.5, 0.0),
-        timeout=30.0,
-        grid=walls,
-    )
-    run = drive(kl.Controller(learned, scenario.problem()), scenario)
-    assert run.outcome is Outcome.REACHED and run.clearance > 0.0
 
 
 def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
@@ -112,23 +50,6 @@ def test_solids_turn_with_the_map(nominal: kl.KoopmanModel) -> None:
     np.testing.assert_allclose(other.command, plan.command, atol=2e-3)
     np.testing.assert_allclose(other.states[:, 0], -plan.states[:, 1], atol=5e-3)
     assert other.clearance == pytest.approx(plan.clearance, abs=1e-3)
-
-
-def test_mixed_obstacles_are_all_kept_clear_of(learned: kl.KoopmanModel) -> None:
-    obstacles = [kl.Circle(0.2, -0.6, 0.2), *SOLIDS, cells((70, 10, 72, 30))]
-    controller, robot, x = (
-        kl.Controller(learned),
-        kmpc_lab.DifferentialDrive(slip=0.05, seed=3),
-        np.array([-1.0, 0.0, 0.0]),
-    )
-    for _ in range(150):
-        plan = controller.step(x, (1.2, 0.9, 0.0), obstacles)
-        # from the clearance of its own plan, over all obstacles
-        assert plan.clearance > 0.0
-        x = robot.step(x, plan.command, 0.1)
-        if plan.holding:
-            break
-    assert plan.holding
 
 
 def test_a_clearance_that_is_asked_for_later_is_that_of_its_own_step(
@@ -162,31 +83,6 @@ def test_a_robot_that_touches_a_solid_gets_free_gently(
         # it never goes deeper
         assert x[0] <= 0.0 + 2e-3
     assert np.hypot(x[0] + 1.2, x[1] - 0.3) < 0.05
-
-
-def test_a_closed_room_is_told_and_waited_in_until_it_opens(nominal: kl.KoopmanModel) -> None:
-    walls = [
-        kl.Wall(-1, -1, 1, -1, 0.05),
-        kl.Wall(1, -1, 1, 1, 0.05),
-        kl.Wall(1, 1, -1, 1, 0.05),
-        kl.Wall(-1, 1, -1, -1, 0.05),
-    ]
-    grid = [cells((20, 20, 60, 22), (20, 58, 60, 60), (20, 20, 22, 60), (58, 20, 60, 60))]
-    for closed, opened in (
-        (walls, walls[:3]),
-        (grid, [cells((20, 20, 60, 22), (20, 58, 60, 60), (58, 20, 60, 60))]),
-    ):
-        controller, x = kl.Controller(nominal), np.array([0.0, 0.0, 0.0])
-        for _ in range(10):
-            plan = controller.step(x, (-1.6, 0.0, 0.0), closed)
-            assert not plan.reachable
-            x = nominal.predict(x, plan.command)
-        assert np.hypot(x[0], x[1]) < 0.05
-        for _ in range(80):
-            plan = controller.step(x, (-1.6, 0.0, 0.0), opened)
-            assert plan.reachable
-            x = nominal.predict(x, plan.command)
-        assert np.hypot(x[0] + 1.6, x[1]) < 0.05
 
 
 def test_solids_that_cannot_be_meant_give_a_safe_plan_not_an_error(

@@ -247,25 +247,6 @@ def test_a_plan_begins_where_the_robot_is_and_obeys_its_model(
         x = rollout[1]
 
 
-def test_noise_free_learned_model_is_driven_like_the_known_one(nominal: kl.KoopmanModel) -> None:
-    data = kmpc_lab.generate_dataset(
-        kmpc_lab.DifferentialDrive(), episodes=40, steps=60, dt=DT, seed=2
-    )
-    model = kl.fit(data, method="integral")
-    paths = []
-    for m in (nominal, model):
-        plant, x, path = kmpc_lab.DifferentialDrive(), np.array([0.0, 0.0, 0.0]), []
-        controller = kl.Controller(m)
-        for _ in range(80):
-            x = plant.step(
-                x, controller.step(x, GOAL, [(0.6, 0.55, 0.15), (1.35, 0.45, 0.12)]).command, DT
-            )
-            path.append(x)
-        paths.append(np.array(path))
-    assert np.hypot(*(paths[0][-1, :2] - GOAL[:2])) < 0.06
-    assert np.abs(paths[0] - paths[1])[:, :2].max() < 1e-3
-
-
 def test_it_keeps_the_history_of_its_commands_itself(lagging: kl.KoopmanModel) -> None:
     """Its first planned step is what the model predicts with the commands really sent."""
     controller = kl.Controller(lagging, **VARIANTS["plain, more passes"])
@@ -284,31 +265,3 @@ def test_it_keeps_the_history_of_its_commands_itself(lagging: kl.KoopmanModel) -
         past = np.vstack([past[1:], plan.command])
         x = following
     assert differs > 1e-2  # the history matters to this model
-
-
-def test_a_dead_time_that_the_model_knows_is_no_reason_to_overshoot(
-    nominal: kl.KoopmanModel,
-) -> None:
-    """A robot that obeys two periods late, driven by a model that knows, and by one that does
-    not.
-    """
-    rng, data, delay = np.random.default_rng(0), [], 2
-    for _ in range(30):
-        inputs = rng.uniform(-0.6, 0.6, (60, 2))
-        acting = np.vstack([np.zeros((delay, 2)), inputs[:-delay]])
-        data.append(kl.Episode(nominal.rollout(rng.uniform(-1, 1, 3), acting), inputs, DT))
-    late = kl.fit(
-        kl.Dataset(data), kl.InputHistoryDictionary(kl.HermiteTrigDictionary(order=0), lags=(2,))
-    )
-
-    def heading_error(model: kl.KoopmanModel) -> float:
-        controller = kl.Controller(model, kl.NavigationProblem(Q=(1.0, 1.0, 5.0)), **PLAIN)
-        x, sent, worst = np.array([0.0, 0.0, 0.0]), [np.zeros(2)] * delay, 0.0
-        for _ in range(40):
-            sent.append(controller.step(x, (0.0, 0.0, 1.0)).command)
-            x = nominal.predict(x, sent[-1 - delay])
-            worst = max(worst, x[2] - 1.0)
-        return worst
-
-    assert heading_error(late) < 0.02
-    assert heading_error(nominal) > heading_error(late) + 0.02

@@ -87,19 +87,6 @@ def test_who_stops_stands_and_the_watch_calms_down() -> None:
     assert not len(state.tracks)
 
 
-def test_a_robot_lets_a_walker_pass_who_was_told_to_stand() -> None:
-    controller = kl.Controller(kl.nominal_unicycle(DT))
-    pose, plant, gap, reasons = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, set()
-    for k in range(90):
-        there = walker(k)
-        plan = controller.step(pose, GOAL, there)
-        reasons.add(plan.reason)
-        pose = plant.step(pose, plan.command, DT)
-        gap = min(gap, float(np.hypot(*(pose - walker(k + 1)[0, :3])[:2])) - 0.35)
-    assert gap > 0.0
-    assert np.hypot(*(pose - GOAL)[:2]) < 0.05
-
-
 def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
     controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
     for k in range(12):
@@ -160,26 +147,6 @@ def scanned(pose: Array, k: int) -> kl.LaserScan:
     return kl.LaserScan(np.where(ranges > 4.0, np.inf, ranges), 0.0, math.tau / BEAMS, 4.0)
 
 
-def test_pedestrians_are_found_in_scans_alone_and_let_pass() -> None:
-    controller = kl.Controller(kl.nominal_unicycle(DT))
-    pose, plant, gap, found = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, 0
-    for k in range(66):
-        plan = controller.step(pose, GOAL, [scanned(pose, k)])
-        tracks = controller.state.circles.tracks
-        assert tracks is not None
-        moving = tracks.states[tracks.moving]
-        found += any(np.hypot(*(row[2:4] - (0.0, 0.7))) < 0.25 for row in moving)
-        if k == 15:
-            other = pickle.loads(pickle.dumps(controller))
-            again = copy.deepcopy(other).step(pose, GOAL, [scanned(pose, k + 1)])
-            after = controller.step(pose, GOAL, [scanned(pose, k + 1)])
-            np.testing.assert_array_equal(after.inputs, again.inputs)
-        pose = plant.step(pose, plan.command, DT)
-        gap = min(gap, float(np.hypot(*(pose - walker(k + 1)[0, :3])[:2])) - 0.35)
-    assert gap > 0.0 and found >= 10
-    assert np.hypot(*(pose - GOAL)[:2]) < 0.1
-
-
 @pytest.mark.parametrize("speed", [0.6, 0.9])
 def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) -> None:
     controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
@@ -191,23 +158,6 @@ def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) 
         controller.step(pose, pose, [kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)])
     tracks = controller.state.circles.tracks
     assert tracks is not None and tracks.walked.max() >= TrackerOptions().begins
-
-
-def test_masts_on_the_robot_are_no_pedestrians() -> None:
-    controller, plant = (
-        kl.Controller(kl.nominal_unicycle(DT)),
-        kmpc_lab.DifferentialDrive(0.05, seed=1),
-    )
-    pose, ranges = np.zeros(3), np.full(BEAMS, np.inf)
-    width = BEAMS // 36
-    for beam in (BEAMS // 4, 3 * BEAMS // 4):
-        ranges[beam : beam + width] = 0.1
-    for _ in range(60):
-        scan = kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)
-        pose = plant.step(pose, controller.step(pose, GOAL, [scan]).command, DT)
-    tracks = controller.state.circles.tracks
-    assert tracks is None or not len(tracks.states)
-    assert np.hypot(*(pose - GOAL)[:2]) < 0.05
 
 
 def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> None:

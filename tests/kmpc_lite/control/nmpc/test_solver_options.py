@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import osqp
 import pytest
-import scipy.sparse as sp
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.osqp_workspace import osqp_settings
@@ -41,18 +39,6 @@ def test_options_of_osqp_reach_it_by_its_names() -> None:
     for history, most in ((0, 77), (2, 5 * 77)):
         sqp = SQP(PROBLEM, history, options=SolverOptions(options))
         assert sqp.workspace._osqp.settings.max_iter == most  # type: ignore[attr-defined]
-
-
-def test_rho_is_adapted_as_often_as_osqp_does_by_itself() -> None:
-    own = osqp.OSQP()
-    eye = sp.csc_matrix(np.eye(1))
-    own.setup(eye, np.zeros(1), eye, np.zeros(1), np.zeros(1), verbose=False)
-    assert SolverOptions().real_time.adaptive_rho_interval == own.settings.adaptive_rho_interval
-
-
-def test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most() -> None:
-    sqp = SQP(PROBLEM, 0, iterations=2)
-    assert sqp.workspace._osqp.settings.max_iter == 4000  # type: ignore[attr-defined]
 
 
 def test_a_qp_gets_some_time_even_past_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,19 +81,6 @@ def test_the_controller_times_by_its_model_and_by_what_it_learns() -> None:
     assert slow == pytest.approx(quick / (1.05 * 0.37), rel=0.05)
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5])
-def test_a_robot_that_turns_less_parks(seed: int) -> None:
-    # a quarter turn takes it 5 s, and the slip of the last one may ask for three more
-    controller, robot, x = (
-        kl.Controller(fitted(0.37)),
-        kmpc_lab.DifferentialDrive(0.05, seed=seed, turn_gain=0.37),
-        np.zeros(3),
-    )
-    for _ in range(400):
-        x = robot.step(x, controller.step(x, (0.8, 0.6, 2.5)).command, 0.1)
-    assert np.hypot(x[0] - 0.8, x[1] - 0.6) < 0.02 and abs(x[2] - 2.5) < 0.05
-
-
 def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     nominal: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:

@@ -6,49 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from paths import all_paths, ended
+from paths import all_paths
 
-import kmpc_lite as kl
-from kmpc_lite.control.path.lattice import Lattice, LatticeTask
-from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.tangent_graph import PathQuery
-from kmpc_lite.control.world.solids import Solids
 
 AREA = np.array([-100.0, -100.0, 100.0, 100.0])
-NO_CIRCLES = np.empty((0, 5))
 SPEED = np.array([0.6, np.pi / 4])
-
-
-def walls(length: int, *rows: int, side: float = 0.05) -> Solids:
-    """Walls along x, one cell thick, in a grid that begins at the origin."""
-    cells = np.zeros((max(rows) + 1, length), dtype=bool)
-    cells[list(rows)] = True
-    return Solids([kl.OccupancyGrid(cells, side)])
-
-
-@pytest.fixture(scope="module")
-def wall() -> Lattice:
-    """Laid around a wall of ten metres."""
-    lattice = Lattice(walls(200, 0))
-    lattice.cover(np.array([0.0, 1.0]), np.array([10.0, 1.0]))
-    return lattice
-
-
-def test_a_step_along_an_obstacle_counts_a_fifth_more() -> None:
-    # one row of nodes is free between two walls, as near to them as a path may lead
-    lattice = Lattice(walls(200, 0, 11))
-    start, goal = np.array([3.0, 0.3]), np.array([7.0, 0.3])
-    ended(lattice.search(LatticeTask(start, goal, 0.2249, NO_CIRCLES, AREA)))
-    ((cost, _),) = lattice._searches.values()
-    assert cost[lattice._node(start)] == pytest.approx(1.2 * 4.0, rel=0.002)
-
-
-def test_a_path_may_cut_the_cells_of_a_grid_by_two_centimetres(wall: Lattice) -> None:
-    ends = np.array([[2.0, 1.0], [8.0, 1.0]])
-    path = LatticePath(wall, ends, 0.3, 1.0)
-    for depth, cuts in ((0.0195, False), (0.0205, True)):
-        along = np.array([[2.0, 0.05 + 0.3 - depth], [8.0, 0.05 + 0.3 - depth]])
-        assert bool(len(path.cut(along))) is cuts
 
 
 class AlwaysCut:

@@ -44,7 +44,7 @@ def dense(points: np.ndarray) -> np.ndarray:
     return (points[:-1] + share * np.diff(points, axis=0)).reshape(-1, 2)
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_a_way_cuts_no_circle_and_stays_in_the_area(seed: int) -> None:
     centres, radii = scattered(seed)
     found = list(quickest_paths(centres, radii, START, GOAL, AREA, SPEED))
@@ -59,7 +59,7 @@ def test_a_way_cuts_no_circle_and_stays_in_the_area(seed: int) -> None:
         assert np.allclose(way.points[[0, -1]], [START[:2], GOAL[:2]])
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_headings_are_those_of_the_points_and_never_jump(seed: int) -> None:
     way = quickest(*scattered(seed))
     if way is None:
@@ -95,7 +95,7 @@ def grid_length(centres: np.ndarray, radii: np.ndarray, cell: float = 0.05) -> f
     return float(dijkstra(graph, directed=False, indices=begin)[end])
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(12))
 def test_the_quickest_way_is_the_shortest_where_turning_takes_no_time(seed: int) -> None:
     centres, radii = scattered(seed)
     way = next(quickest_paths(centres, radii, START, GOAL, AREA, np.array([1.0, 1e9])), None)
@@ -114,7 +114,7 @@ def test_the_quickest_way_is_the_shortest_where_turning_takes_no_time(seed: int)
         assert length >= grid_length(centres, np.maximum(radii - 0.04, 0.0)) / 1.083
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(24))
 def test_there_is_a_way_exactly_where_there_is_a_passage(seed: int) -> None:
     centres, radii = scattered(1000 + seed, least=12, most=26, span=2.0)
     circles = np.column_stack([centres, radii])
@@ -129,9 +129,9 @@ def test_there_is_a_way_exactly_where_there_is_a_passage(seed: int) -> None:
 def test_maps_with_and_without_a_passage_were_both_looked_at() -> None:
     there = [
         quickest(*scattered(1000 + seed, least=12, most=26, span=2.0)) is not None
-        for seed in range(60)
+        for seed in range(24)
     ]
-    assert 5 <= sum(there) <= 55
+    assert 3 <= sum(there) <= 21
 
 
 def test_nothing_in_the_way_is_a_straight_line() -> None:
@@ -200,7 +200,7 @@ def test_a_wall_with_a_gap_is_passed_through_the_gap() -> None:
     assert np.abs(crossing[np.abs(crossing[:, 0]).argmin(), 1] - 1.0) < 0.3
 
 
-@pytest.mark.parametrize("radius", [0.3, 0.7, 0.72, 1.0, 1.36, 5.0, 50.0])
+@pytest.mark.parametrize("radius", [0.3, 0.72, 50.0])
 def test_a_path_around_a_large_circle_is_found_at_once(radius: float) -> None:
     """Chords of a fixed turn would cut a large circle deeper than is allowed."""
     centres, radii = np.array([[0.0, 0.02]]), np.array([radius])

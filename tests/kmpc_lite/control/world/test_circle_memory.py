@@ -10,7 +10,6 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.maps.families import random_map
-from kmpc_lab.studies.sight import circles as study
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.world.tracking import Tracking
@@ -157,12 +156,6 @@ def test_the_path_leads_around_what_is_out_of_reach() -> None:
     robot.reset()
     robot.step(START, GOAL)
     assert not len(known_to(robot))
-
-
-def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:
-    # a circle beside each of them makes the other one quicker
-    drive = study.drive(0.6, 1.0, 907)
-    assert drive.arrived and not drive.collided and drive.seconds < 2.0 * drive.all_told
 
 
 def test_a_list_that_shrinks_is_no_other_map() -> None:

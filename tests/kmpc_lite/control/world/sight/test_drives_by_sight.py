@@ -11,7 +11,6 @@ import numpy as np
 import kmpc_lite as kl
 from kmpc_lab.sim.lidar import LidarSpec, box_edges, scan_ranges
 from kmpc_lab.sim.plants.robots import DifferentialDrive
-from kmpc_lite.control.options import ControllerOptions, SightOptions
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
@@ -35,14 +34,6 @@ def drive(controller: kl.Controller, pose: Array, steps: int, first: int = 0) ->
     return plans
 
 
-def test_a_robot_drives_by_scans_alone_around_what_it_sees() -> None:
-    plans = drive(kl.Controller(kl.nominal_unicycle(0.1)), START, 100)
-    assert any(plan.holding for plan in plans)
-    places = np.array([plan.states[0, :2] for plan in plans])
-    assert WORLD.clearance(places, np.zeros(len(places))).min() > 0.15
-    assert all(plan.reachable for plan in plans)
-
-
 def test_a_copy_in_the_middle_of_a_drive_goes_on_to_the_last_bit() -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1))
     pose = drive(controller, START, 12)[-1].states[1]
@@ -50,18 +41,6 @@ def test_a_copy_in_the_middle_of_a_drive_goes_on_to_the_last_bit() -> None:
         ours, theirs = (drive(copy.deepcopy(c), pose, 8, 12) for c in (controller, other))
         for plan, twin in zip(ours, theirs, strict=True):
             np.testing.assert_array_equal(plan.states, twin.states)
-
-
-def test_a_robot_outside_its_area_sees_what_stands_before_it() -> None:
-    """It drives back, as far as it can: a wall stands in between."""
-    wall = World(np.empty((0, 5)), np.array([[5.0, -4.0, 5.0, 4.0]]))
-    controller, pose = kl.Controller(kl.nominal_unicycle(0.1)), np.array([6.0, 0.0, np.pi])
-    for k in range(60):
-        pose = DifferentialDrive().trace(
-            pose, controller.step(pose, (0.0, 0.0, np.pi), [look(pose, k, wall)]).command, 0.1, 4
-        )[-1]
-        assert pose[0] > 5.15
-    assert pose[0] < 5.6
 
 
 def test_a_robot_that_sees_nothing_stands() -> None:
@@ -132,15 +111,6 @@ def test_a_robot_twice_as_large_drives_the_same_drive() -> None:
         plan, twin = small.step(pose, GOAL, [scan]), large.step(by * pose, by * GOAL, [wide])
         np.testing.assert_array_equal(by * plan.states, twin.states)
         pose = plan.states[1]
-
-
-def test_somebody_may_step_out_of_what_is_not_seen() -> None:
-    """If asked to, a robot that cannot stop at once is slower beside what hides things."""
-    robot = kl.nominal_unicycle(0.1), kl.NavigationProblem(du_max=(1, 4), deceleration=(1, 4))
-    options = ControllerOptions(sight=SightOptions(emerging_speed=1.0))
-    still, wary = kl.Controller(*robot), kl.Controller(*robot, options=options)
-    fast, slow = drive(still, START, 20), drive(wary, START, 20)
-    assert slow[-1].states[0, 0] < fast[-1].states[0, 0] - 0.05
 
 
 def test_scans_stand_beside_other_obstacles_and_too_many_stop_the_robot() -> None:

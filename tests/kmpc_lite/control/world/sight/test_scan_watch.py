@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable
-
 import numpy as np
-import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.sim.lidar import LidarSpec, box_edges, scan_ranges
-from kmpc_lab.sim.plants.robots import DifferentialDrive
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.scan_watch import ScanWatch, ScanWatchState
-from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
 HERE = np.zeros(3)
-GOAL = np.array([1.5, 0.0, 0.0])
-ROOM = World(np.empty((0, 5)), box_edges(-2.2, -2.2, 2.2, 2.2))
 
 
 def watch(period: float = 0.1, **options: float) -> ScanWatch:
@@ -104,45 +95,3 @@ def test_seven_hits_may_come_again_along_a_wall() -> None:
 def test_who_never_had_a_scan_is_not_blind() -> None:
     state = ScanWatchState()
     assert all(watch().see(state, [], HERE) == ((), "") for _ in range(100))
-
-
-def nothing_comes(real: kl.LaserScan, last: kl.LaserScan) -> list[kl.LaserScan]:
-    return []
-
-
-def all_is_unknown(real: kl.LaserScan, last: kl.LaserScan) -> list[kl.LaserScan]:
-    return [kl.LaserScan(np.full(len(real), np.nan), 0.0, real.angle_increment, 4.0)]
-
-
-def the_last_comes_again(real: kl.LaserScan, last: kl.LaserScan) -> list[kl.LaserScan]:
-    return [copy.copy(last)]
-
-
-Broken = Callable[[kl.LaserScan, kl.LaserScan], list[kl.LaserScan]]
-
-
-@pytest.mark.parametrize("broken", [nothing_comes, all_is_unknown, the_last_comes_again])
-def test_the_robot_stops_while_its_scanner_is_dead_and_drives_on_when_it_lives(
-    broken: Broken,
-) -> None:
-    controller, plant = kl.Controller(kl.nominal_unicycle(0.1)), DifferentialDrive()
-    pose, plans, last = np.array([-1.5, 0.0, 0.0]), [], None
-    for step in range(120):
-        real = _look(pose, step)
-        if last is None or not 10 <= step < 50:
-            last, scans = real, [real]
-        else:
-            scans = broken(real, last)
-        plans.append(controller.step(pose, GOAL, scans))
-        pose = plant.trace(pose, plans[-1].command, 0.1, 4)[-1]
-    assert all(plan.progress.name == "DRIVING" for plan in plans[:19])
-    # a second later it brakes, and says why until the scanner lives
-    assert all("does not drive blind" in plan.reason for plan in plans[22:50])
-    assert all(not np.abs(plan.command).any() for plan in plans[35:50])
-    assert plans[-1].holding
-
-
-def _look(pose: Array, seed: int) -> kl.LaserScan:
-    spec = LidarSpec()
-    ranges, directions = scan_ranges(ROOM, spec, pose, np.random.default_rng(seed))
-    return kl.LaserScan(ranges, directions[0], directions[1] - directions[0], spec.reach)
