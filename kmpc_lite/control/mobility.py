@@ -12,7 +12,6 @@ import numpy as np
 
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.wheels import Car
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary
 from kmpc_lite.model.koopman import KoopmanModel
@@ -88,22 +87,16 @@ def within_ramps(problem: NavigationProblem, ramps: Ramps) -> NavigationProblem:
     """Return a problem whose robot is asked for no faster changes than its ramps allow.
 
     What is braked at may be less than what it speeds up at; changes away from zero are limited by
-    either then. A car's second ramp is that of its curvature.
+    either then.
     """
     if not ramps.limit:
         return problem
-    wheels, (faster, slower) = problem.wheels, ramps
-    if isinstance(wheels, Car):
-        given = math.inf if wheels.steering_rate is None else wheels.steering_rate
-        rate = float(min(faster[-1], slower[-1]))
-        wheels = replace(wheels, steering_rate=rate) if rate < given else wheels
-        faster, slower = (np.array((limits[0], math.inf)) for limits in ramps)
-    elif len(slower) != wheels.inputs:
-        faster, slower = (limits[list(wheels.axes)] for limits in ramps)
+    wheels, fastest = problem.wheels.ramped(np.minimum(*ramps))
+    _, slower = wheels.ramped(ramps[1])
     return replace(
         problem,
         wheels=wheels,
-        du_max=np.minimum(problem.du_max, np.minimum(faster, slower)),
+        du_max=np.minimum(problem.du_max, fastest),
         deceleration=np.minimum(problem.deceleration, slower),
     )
 

@@ -40,6 +40,10 @@ class Differential:
         """How long the wheels take to be turned for a reference [s]: they need not."""
         return 0.0
 
+    def ramped(self, rates: Array) -> tuple[Differential, Array]:
+        """Give itself, and the fastest changes (inputs,) of its commands where its ramps are so."""
+        return self, rates
+
     def in_units(self, scale: Scale) -> Differential:
         """Give the same in a robot's units."""
         return self
@@ -205,6 +209,15 @@ class Car:
             gears[: math.ceil(abs(last[0]) / max(braking, 1e-9) - 1e-9)] = -gear
         return gears
 
+    def ramped(self, rates: Array) -> tuple[Car, Array]:
+        """Give itself, and the fastest changes (inputs,) of its commands where its ramps are so.
+
+        The second ramp is that of the curvature: it limits how fast the wheels are steered.
+        """
+        given = math.inf if self.steering_rate is None else self.steering_rate
+        wheels = replace(self, steering_rate=float(rates[1])) if rates[1] < given else self
+        return wheels, np.array((rates[0], math.inf))
+
     def in_units(self, scale: Scale) -> Car:
         """Give the same in a robot's units."""
         rate = self.steering_rate
@@ -229,6 +242,10 @@ class Omni:
     def steering_time(self, now: float, reference: Array, dt: float) -> float:
         """How long the wheels take to be turned for a reference [s]: they need not."""
         return 0.0
+
+    def ramped(self, rates: Array) -> tuple[Omni, Array]:
+        """Give itself, and the fastest changes (inputs,) of its commands where its ramps are so."""
+        return self, rates if len(rates) == self.inputs else rates[list(self.axes)]
 
     def in_units(self, scale: Scale) -> Omni:
         """Give the same in a robot's units."""

@@ -89,6 +89,8 @@ class Dictionary(Protocol):
 class AnyWheels(Dictionary):
     """A dictionary for robots whose commands are two numbers, or three."""
 
+    _commands = INPUTS
+
     def __init__(self, commands: int = INPUTS) -> None:
         if commands not in (INPUTS, INPUTS + 1):
             who = type(self).__name__

@@ -179,7 +179,9 @@ def test_another_model_is_driven_from_then_on(folder):
     """One that turns half as fast is turned otherwise; a broken one changes nothing."""
     commands = []
     numbers = model_numbers(MODEL, PROBLEM)
-    weak = {**numbers, "motion": numbers["motion"] * np.where(np.arange(27) == 5, 0.5, 1.0)}
+    motion = numbers["motion"].copy()
+    motion[5] *= 0.5  # of (3, 2): how its turn rate turns it
+    weak = {**numbers, "motion": motion}
     broken = {**weak, "motion": weak["motion"] + np.nan}
     for told in (None, numbers, broken, weak):
         board = Board(folder)

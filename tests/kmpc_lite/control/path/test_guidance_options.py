@@ -259,28 +259,28 @@ def test_a_turning_centre_explains_half_of_the_motion() -> None:
 def test_a_robot_that_brakes_slowly_is_led_to_its_goal_as_it_brakes() -> None:
     path, later = straight(2.0, deceleration=0.25), np.arange(0.0, 8.0, 0.01)
     for begin in (0.0, 2.0, 3.6):
-        places = path.at(times_after(path.timed, begin, later))[:, 0]
+        places = path.at(times_after(path.timed, begin, 0.0, later))[:, 0]
         speeds = np.diff(places) / 0.01
         left = 2.0 - places[:-1]
         assert (speeds <= np.minimum(0.5, np.sqrt(2.0 * 0.25 * left)) + 0.01).all()
         assert np.diff(speeds).min() >= -0.25 * 0.01 - 1e-9
         assert places[-1] == pytest.approx(2.0)
     # a second later than at full speed to the end
-    arrives = later[np.argmax(path.at(times_after(path.timed, 0.0, later))[:, 0] >= 2.0 - 1e-9)]
+    arrives = later[np.argmax(path.at(times_after(path.timed, 0.0, 0.0, later))[:, 0] >= 2.0 - 1e-9)]
     assert arrives == pytest.approx(4.0 + 1.0, abs=0.02)
 
 
 def test_a_robot_that_stands_at_once_is_led_at_full_speed_to_the_end() -> None:
     later = np.arange(0.0, 8.0, 0.1)
-    np.testing.assert_array_equal(times_after(straight(2.0).timed, 1.5, later), 1.5 + later)
+    np.testing.assert_array_equal(times_after(straight(2.0).timed, 1.5, 0.0, later), 1.5 + later)
 
 
 def test_after_its_drive_a_robot_that_brakes_turns_as_ever() -> None:
     path = straight(2.0, deceleration=0.25)
     np.testing.assert_array_equal(
-        times_after(path.timed, path.drive_end, np.ones(1)), [path.drive_end + 1]
+        times_after(path.timed, path.drive_end, 0.0, np.ones(1)), [path.drive_end + 1]
     )
-    late = times_after(path.timed, 0.0, np.array([5.0, 6.0, 7.0]))
+    late = times_after(path.timed, 0.0, 0.0, np.array([5.0, 6.0, 7.0]))
     np.testing.assert_allclose(np.diff(late), 1.0)
 
 
