@@ -5,7 +5,6 @@ Ramps of the one limit the other, and a robot that could not move at all is refu
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np

@@ -266,7 +266,8 @@ def test_a_robot_that_brakes_slowly_is_led_to_its_goal_as_it_brakes() -> None:
         assert np.diff(speeds).min() >= -0.25 * 0.01 - 1e-9
         assert places[-1] == pytest.approx(2.0)
     # a second later than at full speed to the end
-    arrives = later[np.argmax(path.at(times_after(path.timed, 0.0, 0.0, later))[:, 0] >= 2.0 - 1e-9)]
+    places = path.at(times_after(path.timed, 0.0, 0.0, later))[:, 0]
+    arrives = later[np.argmax(places >= 2.0 - 1e-9)]
     assert arrives == pytest.approx(4.0 + 1.0, abs=0.02)
 
 
