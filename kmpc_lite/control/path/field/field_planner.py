@@ -97,6 +97,10 @@ class FieldPlanner:
         now = request.gear, request.curvature
         self._ways = Ways(self._motions, self._clearance, self._radius, self._gear_price, now)
         self._clearance.keep(kept * self._radius)
+        # steps of the first tree are as long as finds most ways soon, later ones hardly longer than
+        # the clearance
+        shortest = 0.5 * self._step * self._speed if attempt else 0.0
+        self._roomy = max(ROOMY * self._radius, shortest)
         self._tree = PoseTree(self._request.goal, self._cell, self._motions.turn)
         self._price, self._batches, self._last = math.inf, 0, most
 
@@ -175,7 +179,7 @@ class FieldPlanner:
     def _steps_at(self, room: Array) -> Array:
         """Lengths (n,) of steps from poses of a clearance (n,), in usual ones."""
         room = np.maximum(room, 0.0)
-        share = np.minimum(room / max(ROOMY * self._radius, 0.5 * self._step * self._speed), 1.0)
+        share = np.minimum(room / self._roomy, 1.0)
         finer = np.maximum(share ** ATTEMPTS[self._attempt][1], 2.0**-MOST_HALVINGS)
         # what is surely clear
         longer = np.clip(room / (self._step * self._speed), 1.0, LONGEST_STEP)
