@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.episode import MAX_ROWS, Episode, check_time
-from kmpc_lite.learn.pieces import Pieces, Transitions, gather, joined, pieces_of
+from kmpc_lite.learn.pieces import Pieces, Transitions, joined, pieces_of
 from kmpc_lite.types import Array
 
 CHUNK = 8192
@@ -256,28 +256,6 @@ class Dataset:
 
         Steps without a full input history are left out.
         """
-        batch: list[Transitions] = []
-        rows = 0
-        for episode in self.episodes:
-            for start in range(history, len(episode), chunk):
-                part = slice(start, min(start + chunk, len(episode)))
-                past = None
-                if history:
-                    windows = np.lib.stride_tricks.sliding_window_view(
-                        episode.inputs, history, axis=0
-                    )
-                    past = windows[part.start - history : part.stop - history].transpose(0, 2, 1)
-                batch.append(
-                    Transitions(
-                        episode.states[part],
-                        episode.inputs[part],
-                        episode.states[part.start + 1 : part.stop + 1],
-                        past,
-                    )
-                )
-                rows += part.stop - part.start
-                if rows >= chunk:
-                    yield gather(batch)
-                    batch, rows = [], 0
-        if batch:
-            yield gather(batch)
+        for part in self.pieces(1, history, chunk=chunk):
+            past = part.before if history else None
+            yield Transitions(part.states[:, 0], part.inputs[:, 0], part.states[:, 1], past)

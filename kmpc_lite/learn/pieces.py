@@ -47,20 +47,3 @@ def pieces_of(episode: Episode, starts: Array, steps: int, history: int) -> Piec
 def joined(batch: list[Pieces]) -> Pieces:
     """Pieces one after another."""
     return Pieces(*map(np.concatenate, zip(*batch, strict=True)))
-
-
-def gather(batch: list[Transitions]) -> Transitions:
-    """One set of contiguous arrays from many."""
-    if len(batch) == 1:
-        return batch[0]
-    past = (
-        None
-        if batch[0].history is None
-        else np.concatenate([b.history for b in batch if b.history is not None])
-    )
-    return Transitions(
-        np.concatenate([b.x for b in batch]),
-        np.concatenate([b.u for b in batch]),
-        np.concatenate([b.x_next for b in batch]),
-        past,
-    )

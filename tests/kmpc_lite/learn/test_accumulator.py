@@ -90,6 +90,7 @@ class Counting(kl.UnicycleDictionary):
     """Counts what is lifted."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.rows, self.largest = 0, 0
 
     def lift(self, x: np.ndarray) -> np.ndarray:
