@@ -16,20 +16,22 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import refuse_car_like, refuse_frozen
-from kmpc_lite.learn.cross_validation import SelectionOptions, solve_columns
+from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import (
+    ACROSS,
+    ALONG,
+    HEADING,
     NOMINAL,
     STAYS,
     AnyResponse,
     Direction,
     Search,
     choose_across,
-    choose_along,
-    choose_heading,
+    choose_response,
+    refine,
 )
 from kmpc_lite.learn.least_squares import require_trigonometry, symmetric_generator
-from kmpc_lite.learn.refinement import refine_along, refine_heading
 from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
 from kmpc_lite.learn.windows import Rows, Windows, cut, largest_speeds, nominal_rows
 from kmpc_lite.model.dictionary import Dictionary
@@ -56,9 +58,8 @@ class Selection:
     turn: AnyResponse = AT_ONCE
     longest: int = 0
     """Longest history that was looked at [periods]."""
-    along: Direction = STAYS
-    across: Direction = STAYS
-    heading: Direction = STAYS
+    directions: tuple[Direction, ...] = (STAYS, STAYS, STAYS)
+    """Along, across, heading."""
     windows: int = 0
     """Windows that the rows were fitted to."""
     condition: float = 1.0
@@ -69,7 +70,7 @@ class Selection:
     @property
     def nominal(self) -> bool:
         """Whether nothing beat the nominal robot."""
-        return all(d.step == NOMINAL for d in (self.along, self.across, self.heading))
+        return all(direction.step == NOMINAL for direction in self.directions)
 
 
 def select(
@@ -115,17 +116,18 @@ def select(
         Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
         for log in (dataset, dataset if whole is None else whole)
     )
-    turn, heading, heading_terms = choose_heading(search, options)
-    speed, along, along_terms = choose_along(search, turn, options)
+    turn, heading = choose_response(search, HEADING, AT_ONCE, options)
+    speed, along = choose_response(search, ALONG, turn, options)
     if dataset.steered and speed != AT_ONCE:
-        turn, heading, heading_terms = choose_heading(search, options, speed)
-    across, across_terms = choose_across(search, speed, turn, along_terms, options)
+        turn, heading = choose_response(search, HEADING, speed, options)
+    across = choose_across(search, speed, turn, along.terms, options)
     # only a car's turn rate follows its speed
     rolls = speed if dataset.steered else AT_ONCE
-    turn = refine_heading(fitted, rolls, turn, heading_terms, options)
-    speed = refine_along(fitted, speed, turn, along_terms, options)
+    turn = refine(fitted, HEADING, turn, rolls, heading.terms, options)
+    speed = refine(fitted, ALONG, speed, turn, along.terms, options)
     every = Search(windows, *terms, dataset)
-    rows, condition = _fit_rows(every, speed, turn, (along_terms, across_terms, heading_terms))
+    chosen = (along, across, heading)
+    rows, condition = _fit_rows(every, speed, turn, chosen)
     return Selection(
         *terms,
         len(search.windows.blocks),
@@ -133,9 +135,7 @@ def select(
         speed,
         turn,
         windows.longest,
-        along,
-        across,
-        heading,
+        chosen,
         windows.count,
         condition,
         dataset.steered,
@@ -170,26 +170,21 @@ def _thinned(dataset: Dataset, options: SelectionOptions) -> Dataset:
 
 
 def _fit_rows(
-    search: Search, speed: AnyResponse, turn: AnyResponse, terms: tuple[tuple[int, ...], ...]
+    search: Search, speed: AnyResponse, turn: AnyResponse, chosen: tuple[Direction, ...]
 ) -> tuple[Rows, float]:
-    """Fit the chosen terms, along, across and of the heading, to all windows.
+    """Fit the chosen terms to all windows.
 
-    Beside them how well the windows tell them apart.
+    Beside them how well the windows tell those of the position apart.
     """
-    every, (along, across, turned) = search.moments(speed, turn), terms
-    both = (every.along + every.across).sum(axis=0)
-    columns = np.concatenate([along, search.aside(across)]).astype(int)
-    position = solve_columns(both, columns, search.base)
-    heading = solve_columns(
-        every.heading.sum(axis=0), np.array(turned, dtype=int), search.turn_base
-    )
-    condition = 1.0
+    along, across, heading = (direction.terms for direction in chosen)
+    every, position = search.moments(speed, turn), search.row(ACROSS, along)
+    columns, condition = position.columns(across), 1.0
     if len(columns):
-        matrix = both[np.ix_(columns, columns)]
+        matrix = position.fitted(every).sum(axis=0)[np.ix_(columns, columns)]
         scale = np.sqrt(np.diag(matrix))
         condition = float(np.sqrt(np.linalg.cond(matrix / np.outer(scale, scale))))
-    along_row, across_row = np.split(position, 2)
-    return Rows(along_row, across_row, heading), condition
+    ahead, aside = np.split(position.solve(every, across), 2)
+    return Rows(ahead, aside, search.row(HEADING).solve(every, heading)), condition
 
 
 def fit_supported_terms(
@@ -248,15 +243,11 @@ def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
     """What was chosen, as values that JSON can hold."""
     directions = {
         name: {
-            "step": direction.step,
-            "score": _finite(direction.score),
-            "critical": _finite(direction.critical),
+            "step": found.step,
+            "score": _finite(found.score),
+            "critical": _finite(found.critical),
         }
-        for name, direction in (
-            ("along", selection.along),
-            ("across", selection.across),
-            ("heading", selection.heading),
-        )
+        for name, found in zip(("along", "across", "heading"), selection.directions, strict=True)
     }
     return {
         "method": "integral",

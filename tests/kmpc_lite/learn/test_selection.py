@@ -101,7 +101,7 @@ def test_a_robot_that_answers_late_is_known_by_its_delay(seed: int) -> None:
     for response in (found.speed, found.turn):
         assert response.delay == pytest.approx(0.35, abs=0.04)
         assert response.dead_time == pytest.approx(0.1, abs=0.06)
-    assert found.along.step == found.heading.step == "gain"
+    assert found.directions[0].step == found.directions[2].step == "gain"
     assert found.rows.along[0] == pytest.approx(1.05, abs=0.02)
     assert found.rows.across[0] == pytest.approx(-0.05, abs=0.02)
 
@@ -123,7 +123,7 @@ def test_a_turning_centre_beside_the_pose_is_found() -> None:
         poses += random.normal(size=poses.shape) * (0.004, 0.004, 0.01)
         drives.append(kl.Episode(poses, episode.inputs, episode.dt))
     found = select(kl.Dataset(drives))
-    assert found.along.step == "gains"
+    assert found.directions[0].step == "gains"
     assert found.rows.along[1] == pytest.approx(-0.08, abs=0.01)
 
 
@@ -193,7 +193,7 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
     states = states + random.normal(size=states.shape) * [0.01, 0.01, 0.02]
     data = kl.Dataset([kl.Episode(x, u, 0.1) for x, u in zip(states, inputs, strict=True)])
     found = select(data)
-    assert found.along.step == "slip" and found.across.step in ("product", "slip")
+    assert found.directions[0].step == "slip" and found.directions[1].step in ("product", "slip")
     assert found.rows.across[2] == pytest.approx(-0.1, abs=0.03)
 
 
