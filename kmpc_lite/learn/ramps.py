@@ -12,11 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.ramp_search import RampOptions, follow, is_sure, responses, which_best
+from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.ramp_search import RampOptions, Stretch, find_ramp, follow
 from kmpc_lite.learn.selection import learned_axes
-from kmpc_lite.learn.steering_rate import find_steering_rate
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.dictionary.response import driven_by_ramps
 from kmpc_lite.model.koopman import KoopmanModel
@@ -28,17 +27,9 @@ STARTS = 3
 as fast as a ramp, or faster, are needed for the ramp to show."""
 REST, SPEED = 0.1, 0.5
 """Shares of the fastest command between which a start, or a stop, is timed."""
-EXPLAINED = 0.5
-"""Share of the motion, squared, that the commands must explain, by a ramp or without: of what is
-noise of the poses, any ramp explains a part."""
 AT_ONCE = 0.3
 """Commands that come to the fastest one within this time come there at once [s]: robots whose ramps
 are as short are driven as well by a lag."""
-FINE = 3
-"""How many times as close as at first responses lie that need no ramp: none is to be taken for one
-because a lag lies between two of them."""
-MOST = 32
-"""Pairs of ramps that are looked at at once: a matter of memory alone."""
 
 
 def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
@@ -142,87 +133,59 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
 
 def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, float]:
     """Ramps away from zero and towards it of one command; infinite if none is sure."""
-    pieces = _pieces(dataset, axis, options)
-    told = np.concatenate([u for u, _ in pieces]) if pieces else np.zeros(1)
-    fastest = float(np.abs(told).max())
-    changes = (float(np.abs(np.diff(u)).max(initial=0.0)) for u, _ in pieces)
-    jumps = max(changes, default=0.0) / dataset.dt
-    least = fastest / options.longest
-    if fastest <= 0.0 or jumps <= least:
+    stretches = [
+        Stretch(e.inputs[:, axis], e.moved[:, axis], np.full(len(e), e.dt))
+        for e in _shortened(dataset, options)
+    ]
+    commands = [s.told for s in stretches]
+    changes = _changes(commands, dataset.dt)
+    tried = np.append(_rates(commands, changes.max(initial=0.0), options), FREE)
+    if len(tried) == 1:
         return FREE, FREE
-    count = int(np.log(jumps / least) / np.log(options.step)) + 1
-    tried = np.append(least * options.step ** np.arange(count), FREE)
     faster, slower = (a.ravel() for a in np.meshgrid(tried, tried))
     limited = np.isfinite(faster) | np.isfinite(slower)
-    faster, slower = faster[limited], slower[limited]
-    errors, motion = _errors(pieces, faster, slower, dataset.dt, options)
-    none, _ = _errors(pieces, np.array([FREE]), np.array([FREE]), dataset.dt, options, FINE)
-    # by the best ramp: the commands of a robot that follows slowly explain little by themselves
-    left = min(e.sum(axis=2).min(initial=np.inf) for e in (none, errors))
-    if errors.shape[2] < options.blocks // 2 or not left < (1.0 - EXPLAINED) * motion:
-        return FREE, FREE
-    if not is_sure(none, errors, options):
-        return FREE, FREE
-    pair = faster[best := which_best(errors)], slower[best]
-    around = options.refined ** np.arange(-3, 4)
-    nearby = [v * around if np.isfinite(v) else np.array([FREE]) for v in pair]
-    faster, slower = (a.ravel() for a in np.meshgrid(*nearby))
-    best = which_best(_errors(pieces, faster, slower, dataset.dt, options)[0])
-    found = float(faster[best]), float(slower[best])
-    asked = (_starts([u for u, _ in pieces], dataset.dt, back) for back in (False, True))
+    found = find_ramp(stretches, faster[limited], slower[limited], dataset.dt, options)
+    asked = (_starts(commands, dataset.dt, back) for back in (False, True))
     shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
     return found if any(shows) else (FREE, FREE)
 
 
-def _errors(
-    pieces: list[tuple[Array, Array]],
-    faster: Array,
-    slower: Array,
-    dt: float,
-    options: RampOptions,
-    parts: int = 1,
-) -> tuple[Array, float]:
-    """Squared errors (C, R, B) of ramps, with each of R responses, in each block of the log.
+def find_steering_rate(dataset: Dataset, options: RampOptions | None = None) -> float:
+    """Find how fast the curvature of a car changes [1/m per second]; infinite if none is sure.
 
-    Beside them what they are a part of: the squares of all ways.
-
-    Responses lie `parts` times as close as those that are tried first when a model is learned.
+    A servo turns at a rate of its own: the larger a change, the longer it takes. Taken for a lag it
+    would be too late for small changes, which it follows at once, and too early for large ones.
+    Turns are predicted from the ways that were driven: how the speed follows does not matter.
     """
-    longest = SelectionOptions().longest_history(dt)
-    kinds = responses(dt, longest, parts)
-    length = max(1, round(options.window / dt))
-    moved, sums, ends = [], [], []
-    for told, went in pieces:
-        if len(told) < longest + 2 * length:
-            continue
-        passed, _ = follow(told, faster, slower, dt)
-        sums.append(np.cumsum(np.vstack([np.zeros(len(faster)), passed]), axis=0))
-        # ways of whole windows, every half of one
-        ends.append(np.arange(longest + length, len(told) + 1, max(1, length // 2)))
-        way = np.cumsum(np.append(0.0, went))
-        moved.append(way[ends[-1]] - way[ends[-1] - length])
-    seen = np.concatenate(moved) if moved else np.empty(0)
-    blocks = min(options.blocks, len(seen) // 8)
-    found = np.zeros((len(faster), len(kinds), blocks))
-    for some in (slice(k, k + MOST) for k in range(0, len(faster) if blocks else 0, MOST)):
-        by_age = [
-            [at[e - age, some] - at[e - age - length, some] for age in range(longest + 1)]
-            for at, e in zip(sums, ends, strict=True)
-        ]
-        way = dt * np.tensordot(kinds, np.concatenate(by_age, axis=1), axes=1)
-        gain = (way * seen[:, None]).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
-        left = (seen[:, None] - gain[:, None] * way) ** 2
-        for b, block in enumerate(np.array_split(left, blocks, axis=1)):
-            found[some, :, b] = block.sum(axis=1).T
-    return found, float(seen @ seen)
+    options = RampOptions() if options is None else options
+    stretches = [
+        Stretch(held_curvatures(e.inputs), e.moved[:, -1], e.moved[:, 0])
+        for e in _shortened(dataset, options)
+    ]
+    commands = [s.told for s in stretches]
+    changes = np.sort(_changes(commands, dataset.dt))
+    most = float(changes[-STARTS]) if len(changes) >= STARTS else 0.0
+    rates = _rates(commands, most, options)
+    if not len(rates):
+        return FREE
+    found, _ = find_ramp(stretches, rates, rates, dataset.dt, options, alike=True)
+    return found if found < most else FREE
 
 
-def _pieces(dataset: Dataset, axis: int, options: RampOptions) -> list[tuple[Array, Array]]:
-    """Commands (T,), and how far the robot went along its heading, or turned, in each period."""
-    found, count = [], 0
-    for episode in dataset.episodes:
-        found.append((episode.inputs[:, axis], episode.moved[:, axis]))
-        count += len(episode)
-        if count >= options.most_steps:
-            break
-    return found
+def _shortened(dataset: Dataset, options: RampOptions) -> list[Episode]:
+    """Episodes until there are as many steps as are looked at."""
+    before = np.cumsum([0, *(len(e) for e in dataset.episodes[:-1])])
+    return [e for e, n in zip(dataset.episodes, before, strict=True) if n < options.most_steps]
+
+
+def _changes(commands: list[Array], dt: float) -> Array:
+    """How fast commands change from row to row, (n,)."""
+    return np.concatenate([np.abs(np.diff(told)) for told in commands]) / dt
+
+
+def _rates(commands: list[Array], most: float, options: RampOptions) -> Array:
+    """Ramps that are tried first, (n,): those that take the longest, to the fastest change."""
+    least = max(float(np.abs(told).max()) for told in commands) / options.longest
+    if not most > least > 0.0:
+        return np.empty(0)
+    return least * options.step ** np.arange(int(np.log(most / least) / np.log(options.step)) + 1)
