@@ -31,20 +31,59 @@ STOPS = 2
 """Stops from speed."""
 
 
-class Part(NamedTuple):
-    """One way of driving, and how much of it a log shows."""
+class Words(NamedTuple):
+    """How a way of driving is called."""
 
-    name: str
     verb: str
     """What the robot does then: ``reverses``."""
     advice: str
     """How it is recorded."""
+    noun: str
+    """What a log lacks without it."""
+
+
+WORDS = {
+    "length": Words("", "drive for longer", "minutes of driving"),
+    "forward": Words("drives forward", "drive forward", "driving forward"),
+    "reverse": Words("reverses", "reverse", "reversing"),
+    "slow": Words("drives slowly", "drive at less than half speed", "slow driving"),
+    "fast": Words("drives fast", "drive at full speed", "fast driving"),
+    **{side: Words(f"turns {side}", f"turn {side}", f"{side} turns") for side in ("left", "right")},
+    **{
+        f"{way}, {side}": Words(
+            f"turns {side} while it {verb}",
+            f"turn {side} while {doing}",
+            f"{side} turns while {doing}",
+        )
+        for way, verb, doing in (
+            ("forward", "drives forward", "driving forward"),
+            ("reverse", "reverses", "reversing"),
+        )
+        for side in ("left", "right")
+    },
+    "on the spot": Words(
+        "turns on the spot both ways", "turn on the spot, left and right", "turns on the spot"
+    ),
+    "stops": Words("stops from speed", "stop from full speed, and stand for a second", "stops"),
+}
+"""By the name of the way of driving."""
+
+
+class Part(NamedTuple):
+    """One way of driving, and how much of it a log shows."""
+
+    name: str
+    """Of `WORDS`."""
     shown: float
     """[s], or a number of stops."""
     needed: float
     """The same unit."""
-    of: tuple[str, ...] = ()
-    """Parts without which this one cannot be."""
+
+    @property
+    def of(self) -> tuple[str, ...]:
+        """Parts without which this one cannot be."""
+        parts = "left, right" if self.name == "on the spot" else self.name
+        return tuple(parts.split(", ")) if ", " in parts else ()
 
     @property
     def share(self) -> float:
@@ -93,7 +132,7 @@ class Coverage:
 
     def advice(self) -> list[str]:
         """What is missing and how it is recorded, one line a part."""
-        return [f"{part.name}: {part.amount}: {part.advice}" for part in self.missing]
+        return [f"{part.name}: {part.amount}: {WORDS[part.name].advice}" for part in self.missing]
 
     def warnings(self) -> list[str]:
         """What a model of this log does not know, one line a part."""
@@ -104,15 +143,16 @@ def _warning(part: Part, tightest: float) -> str:
     """Say what a log shows too little of; its tightest turns have that radius [m]."""
     if part.name == "length":
         return f"only {part.shown:.0f} s were driven: drive for minutes"
+    verb = WORDS[part.name].verb
     if not part.is_absent:
-        return f"the log hardly {part.verb} ({part.amount})"
+        return f"the log hardly {verb} ({part.amount})"
     if part.name == "on the spot":
         tight = f", nor tighter than on {tightest:.2g} m" if tightest > 0.0 else ""
         return (
             f"the log never turns on the spot{tight}: whether this robot can is not known; "
             'a car, which cannot, is driven with wheels = {kind = "car", ...}'
         )
-    return f"the log never {part.verb}: the model guesses how"
+    return f"the log never {verb}: the model guesses how"
 
 
 def find_coverage(
@@ -141,13 +181,30 @@ def find_coverage(
         limits = v_max, v_max, turn
     fastest = max(*limits[:2], 1e-9)
     v, omega = rows[:, 0] / fastest, rows[:, 1] / max(limits[2], 1e-9)
-    parts = [Part("length", "", "drive for longer", len(rows) * dt, WHOLE)]
-    parts += _seconds_of(v, omega, dt, limits[1] > 0.0)[: -1 if steered else None]
-    speeds = [np.asarray(stretch)[:, 0] for stretch in stretches]
-    stops = sum(len(find_stops(s, dt, fastest)) for s in speeds)
-    advice = "stop from full speed, and stand for a second"
-    stop = Part("stops", "stops from speed", advice, float(stops), float(STOPS))
-    return Coverage((*parts, stop), _tightest(v * fastest, omega * limits[2]))
+    parts = [Part("length", len(rows) * dt, WHOLE)]
+    for name, shown in _driven(v, omega, limits[1] > 0.0).items():
+        needed = COMBINATION if ", " in name else DIRECTION
+        parts.append(Part(name, float(shown.sum()) * dt, needed))
+    if not steered:
+        spots = [rate[np.abs(v) <= STANDING] > TURNING for rate in (omega, -omega)]
+        seconds = 2.0 * min(float(spot.sum()) * dt for spot in spots)
+        parts.append(Part("on the spot", seconds, 2.0 * COMBINATION))
+    stops = sum(len(find_stops(np.asarray(s)[:, 0], dt, fastest)) for s in stretches)
+    parts.append(Part("stops", float(stops), float(STOPS)))
+    return Coverage(tuple(parts), _tightest(v * fastest, omega * limits[2]))
+
+
+def _driven(v: Array, omega: Array, reverses: bool) -> dict[str, Array]:
+    """In which rows (T,) it drives in which way; speeds are shares of the largest."""
+    ways = {"forward": v > STANDING, "reverse": v < -STANDING}
+    moving, fast = ways["forward"] | ways["reverse"], np.abs(v) > FAST
+    if not reverses:
+        del ways["reverse"]
+    found = {**ways, "slow": moving & ~fast, "fast": fast}
+    for side, rate in (("left", omega), ("right", -omega)):
+        found[side] = rate > STANDING
+        found |= {f"{way}, {side}": (rate > TURNING) & rows for way, rows in ways.items()}
+    return found
 
 
 def _tightest(v: Array, omega: Array) -> float:
@@ -156,47 +213,3 @@ def _tightest(v: Array, omega: Array) -> float:
     if not turning.any():
         return 0.0
     return float(np.quantile(np.abs(v[turning] / omega[turning]), 0.02))
-
-
-def _seconds_of(v: Array, omega: Array, dt: float, reverses: bool) -> list[Part]:
-    """Parts that are measured in seconds; speeds are shares of the largest."""
-    ahead, back = v > STANDING, v < -STANDING
-    moving, fast = ahead | back, np.abs(v) > FAST
-    need, less = DIRECTION, COMBINATION
-    ways = [("forward", "drives forward", "driving forward", ahead)]
-    ways += [("reverse", "reverses", "reversing", back)] if reverses else []
-
-    def seconds(rows: Array) -> float:
-        return float(rows.sum()) * dt
-
-    parts = [
-        Part(name, verb, "drive forward" if name == "forward" else "reverse", seconds(m), need)
-        for name, verb, _, m in ways
-    ]
-    parts += [
-        Part(
-            "slow", "drives slowly", "drive at less than half speed", seconds(moving & ~fast), need
-        ),
-        Part("fast", "drives fast", "drive at full speed", seconds(fast), need),
-    ]
-    spots = []
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        turning = sign * omega > TURNING
-        shown = seconds(sign * omega > STANDING)
-        parts.append(Part(side, f"turns {side}", f"turn {side}", shown, need))
-        for name, verb, doing, way in ways:
-            label, told = f"{name}, {side}", f"turn {side} while {doing}"
-            said = f"turns {side} while it {verb}"
-            parts.append(Part(label, said, told, seconds(turning & way), less, (name, side)))
-        spots.append(seconds(turning & ~moving))
-    parts.append(
-        Part(
-            "on the spot",
-            "turns on the spot both ways",
-            "turn on the spot, left and right",
-            2.0 * min(spots),
-            2.0 * less,
-            ("left", "right"),
-        )
-    )
-    return parts

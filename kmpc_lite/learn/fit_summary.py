@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.learn.coverage import find_coverage
+from kmpc_lite.learn.coverage import WORDS, find_coverage
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.evaluation import FitReport
@@ -23,22 +23,6 @@ BETTER = 1.25
 """Ratio of the nominal robot's error to the model's from which on the model is better."""
 WORSE = 1.02
 """Ratio of the model's error to the nominal robot's from which on the model is worse."""
-MISSING = {
-    "length": "minutes of driving",
-    "forward": "driving forward",
-    "reverse": "reversing",
-    "slow": "slow driving",
-    "fast": "fast driving",
-    "left": "left turns",
-    "right": "right turns",
-    "forward, left": "left turns while driving forward",
-    "forward, right": "right turns while driving forward",
-    "reverse, left": "left turns while reversing",
-    "reverse, right": "right turns while reversing",
-    "on the spot": "turns on the spot",
-    "stops": "stops",
-}
-"""What a log may lack, by the name of its part (`Coverage`)."""
 
 
 def verdict(report: FitReport, facts: Mapping[str, Any], driven: Mapping[str, float]) -> str:
@@ -59,7 +43,7 @@ def verdict(report: FitReport, facts: Mapping[str, Any], driven: Mapping[str, fl
     told = f"{_compared(report, steady)}; drive up to {fastest:.2g} m/s."
     if not lacking:
         return told
-    names = ", ".join(MISSING[name] for name in lacking)
+    names = ", ".join(WORDS[name].noun for name in lacking)
     return f"{told} Missing: {names}: `kmpc record --excite` shows them."
 
 
