@@ -130,5 +130,7 @@ class Watching:
         moving = seen.things[seen.things[:, VELOCITY].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:
-            seen.view = self._sight.view(state.seen, seen.here)
+            from kmpc_lite.control.world.sight.view import View
+
+            seen.view = View(self._sight, state.seen, seen.here)
             seen.nearby = seen.view.around(seen.nearby)

@@ -5,18 +5,21 @@ It is plain data, which copies and pickles. All lengths are in the robot's units
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kmpc_lite.control.footprint import Footprint, places_of
 from kmpc_lite.control.kernels.scan_map import Window, window_between
 from kmpc_lite.types import Array
 
 UNKNOWN = -1
 """State of a cell of which nothing is known; see `LocalMap.state`."""
+IN_VAIN = UNKNOWN - 10
+"""State of cells at which so many scans in a row have looked in vain: something is there that tells
+nothing, such as a pane of glass, and paths lead around it."""
 NEVER = -np.inf
 """Before every time; see `LocalMap.taken`."""
 EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
@@ -201,7 +204,11 @@ def _overlap(shift: int, length: int) -> tuple[slice, slice]:
     return to, slice(to.start + shift, to.stop + shift)
 
 
-def side_of(cell: float, noise: float, share: float) -> float:
-    """Side of a cell that suits a robot and a scanner: never finer than the scanner sees."""
-    least = share * noise
-    return cell if least <= cell else cell * math.ceil(least / cell)
+def cell_distances(
+    here: LocalMap, window: Window, footprint: Footprint | None, pose: Array
+) -> Array:
+    """Distances of the middles of a window's cells from the nearest middle of a robot's circles."""
+    x, y = here.centres(window)
+    places = places_of(footprint, pose)
+    away = np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1])
+    return np.asarray(away.min(axis=-1))

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
+from kmpc_lite.control.world.boxes import Boxes
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.sight.local_map import IN_VAIN, UNKNOWN, LocalMap, cell_distances
 from kmpc_lite.control.world.sight.outlook import Outlooks
 from kmpc_lite.control.world.solids import Nearby, Solids
 from kmpc_lite.types import Array
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 NOTHING = Solids([]).whole
 """No solids."""
+WORLD = OccupancyGrid([[0]], 1.0)
+"""A grid in the world's own frame, for rectangles that belong to none."""
 
 
 class View:
@@ -25,7 +29,7 @@ class View:
     Parameters
     ----------
     sight : Sight
-        Answers.
+        How far it looks.
     here : LocalMap
         What was seen.
     pose : ndarray
@@ -37,19 +41,17 @@ class View:
         self._outlooks = Outlooks(here.outlooks[:, :4])
         self.is_narrow = self._outlooks.is_narrow
         """Whether there are directions in which no scanner looks."""
-        self._seen = sight.seen(here, pose)
-        self.hits: Nearby | None = None
+        self._hits, self._unknown = self._look()
+        self.hits = NOTHING.with_boxes(self._hits) if self._hits else None
         """What was hit near the robot; none if nothing was."""
-        if self._seen.hits:
-            self.hits = NOTHING.with_boxes(self._seen.hits)
-        self.unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
+        self.unknown = NOTHING.with_boxes(self._unknown) if self._unknown else None
         """What was not seen to be free near the robot; none if all was."""
         self.coarseness = math.sqrt(2.0) * here.cell
         """How far cells may stand out of what was hit in them."""
 
     def around(self, solids: Nearby | None) -> Nearby | None:
         """Solids that the robot can come to, what was hit, and what was not seen to be free."""
-        more = [*self._seen.hits, *self._seen.unknown]
+        more = [*self._hits, *self._unknown]
         if not more:
             return solids
         return (NOTHING if solids is None else solids).with_boxes(more)
@@ -82,9 +84,9 @@ class View:
 
     def turns_to_see(self, points: Array, distance: float, slack: float) -> Array:
         """Turns [rad] to what is unknown near points (n, 2), and is not looked at, (m,)."""
-        if not self._seen.unknown:
+        if not self._unknown:
             return np.empty(0)
-        boxes, inside = self._seen.unknown[0], 0.5 * self._map.cell
+        boxes, inside = self._unknown[0], 0.5 * self._map.cell
         nearest = np.clip(points[:, None], boxes.low, boxes.high)
         near = np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)) < distance
         # a cell has been seen when its middle was
@@ -99,10 +101,54 @@ class View:
         """Cells (H, W) of which nothing is known, where the first begins (2,), and their side."""
         return self._map.state <= UNKNOWN, self._map.corner, self._map.cell
 
-    def blocks(self, points: Array, distance: float) -> bool:
-        """Whether something that was hit is nearer than a distance to any of points (n, 2)."""
-        return bool(len(points)) and self._sight.blocks(self._map, points, distance)
+    def _look(self) -> tuple[list[Boxes], list[Boxes]]:
+        """What was hit near the robot, and what was never seen to be free."""
+        here, sight = self._map, self._sight
+        window = here.window(self._pose[:2], sight.reach)
+        top, bottom, left, right = window
+        area = slice(top, bottom), slice(left, right)
+        state = here.state[area]
+        hits = sight.kernels.hit_boxes(here.state, here.extent, window, here.place)
+        unknown = state <= UNKNOWN
+        if sight.emerging > 0.0:
+            # something may come out of what is not seen now
+            unknown = unknown | ((state == 0) & (here.seen[area] < here.clock - sight.period))
+            away = cell_distances(here, window, sight.footprint, self._pose)
+            unknown &= away > sight.radius + here.cell
+        left, bottom = left + here.column, top + here.row
+        sides = here.cell * (sight.kernels.rectangles(unknown) + (left, bottom, left, bottom))
+        # a wall is told by few half-planes, noise and all
+        both = hits, (sides[:, :2], sides[:, 2:])
+        found, dark = (
+            [Boxes(low, high, WORLD, here.cell)] if len(low) else [] for low, high in both
+        )
+        return found, dark
 
     def solids(self, given: Solids | None) -> Solids | None:
-        """What was hit, together with solids that are given, for a path search."""
-        return self._sight.solids(self._map, given)
+        """All that is known to be occupied, with solids that are given, for a path search."""
+        here = self._map
+        is_hit = (here.state > 0) | (here.state <= IN_VAIN)
+        rows, columns = np.flatnonzero(is_hit.any(axis=1)), np.flatnonzero(is_hit.any(axis=0))
+        if not len(rows):
+            return given
+        (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
+        occupied = is_hit[bottom:top, left:right]
+        corner = here.cell * np.array([here.column + left, here.row + bottom])
+        others = () if given is None else given.solids
+        return Solids([*others, OccupancyGrid(occupied, here.cell, corner)])
+
+    def blocks(self, points: Array, distance: float) -> bool:
+        """Whether something that was hit is nearer than a distance to any of points (n, 2)."""
+        here = self._map
+        points = points[here.is_near(points, distance)]
+        if not len(points):
+            return False
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, half = 0.5 * (low + high), float((high - low).max()) / 2.0
+        window = here.window(middle, half + distance + here.cell)
+        boxes = self._sight.kernels.hit_boxes(here.state, here.extent, window, here.place)
+        near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
+        begin, end = boxes[0][near, None], boxes[1][near, None]
+        beside = np.maximum(np.maximum(begin - points, points - end), 0.0)
+        beside *= beside
+        return bool(beside.sum(axis=-1).min(initial=np.inf) < distance * distance)

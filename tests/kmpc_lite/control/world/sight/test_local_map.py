@@ -15,6 +15,7 @@ from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.rays import Rays
 from kmpc_lite.control.world.sight.sight import Sight
+from kmpc_lite.control.world.sight.view import View
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -188,8 +189,8 @@ def test_what_stands_beside_a_path_of_any_length_is_found_in_time() -> None:
     # ten thousand kilometres in steps of half a metre, past the hit
     path = np.stack([np.zeros(20_000), 500.0 * np.arange(20_000)], axis=1)
     begun = time.process_time()
-    assert not s.blocks(seen, path + [3.0, 20.0], 0.2)
-    assert s.blocks(seen, np.concatenate([path + [3.0, 20.0], hit]), 0.2)
+    assert not View(s, seen, np.zeros(3)).blocks(path + [3.0, 20.0], 0.2)
+    assert View(s, seen, np.zeros(3)).blocks(np.concatenate([path + [3.0, 20.0], hit]), 0.2)
     assert time.process_time() - begun < 0.4
 
 
@@ -222,12 +223,12 @@ def test_paths_lead_around_what_ten_scans_in_a_row_have_looked_at_in_vain(scans:
     s, seen = sight(), None
     for _ in range(scans):
         seen = look(s, seen, GLASS)
-    found = s.solids(seen, None)
+    found = View(s, seen, np.zeros(3)).solids(None)
     assert (found is not None) == (scans > 10)
     # a stop is short of it as of all that is unknown, and what is seen is free
     assert seen.is_unknown(np.array([[0.5, 0.0]])).all()
     seen = look(s, seen, np.full(BEAMS, np.inf))
-    assert s.solids(seen, None) is None
+    assert View(s, seen, np.zeros(3)).solids(None) is None
 
 
 def test_beams_that_fail_now_and_then_look_nowhere_in_vain() -> None:
@@ -235,6 +236,9 @@ def test_beams_that_fail_now_and_then_look_nowhere_in_vain() -> None:
     for _ in range(60):
         behind = np.where(random.random(BEAMS) < 0.2, np.nan, ROUND)
         seen = look(s, seen, behind)
-    found = s.solids(seen, None)
+    found = View(s, seen, np.zeros(3)).solids(None)
     assert found is not None
-    assert found.rectangle_count == s.solids(look(s, None, ROUND), None).rectangle_count
+    assert (
+        found.rectangle_count
+        == View(s, look(s, None, ROUND), np.zeros(3)).solids(None).rectangle_count
+    )

@@ -11,6 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import LocalMap
 from kmpc_lite.control.world.sight.sight import Sight
+from kmpc_lite.control.world.sight.view import View
 from kmpc_lite.control.world.solids import Solids
 from kmpc_lite.types import Array
 
@@ -55,7 +56,7 @@ def test_nobody_steps_out_of_what_is_not_seen_now() -> None:
     assert here is not None
 
     def dark(eyes: Sight) -> float:
-        boxes = eyes.seen(here, HERE).unknown
+        boxes = View(eyes, here, HERE)._unknown
         return float(sum((b.high - b.low).prod(axis=1).sum() for b in boxes))
 
     assert dark(sight()) == dark(usual) < dark(wary)
