@@ -52,7 +52,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         choices=("slip", "mujoco"),
         default="slip",
         help="slip: a robot that slips at random (default)\n"
-        "mujoco: the digital twin of a ROSbot 2, among the scenario's obstacles",
+        "mujoco: the digital twin of a ROSbot 2, on mecanum wheels too, or of a car, among the "
+        "scenario's obstacles",
     )
     add("--slip", type=float, help="mean slip ratio of the floor")
     add(
@@ -134,7 +135,12 @@ def _emulator(
     if options.physics == "mujoco":
         from kmpc_lab.sim.twin import Twin
 
-        twin = Twin(seed=options.seed) if scenario is None else Twin.of(scenario, options.seed)
+        kind = robot.wheels.kind
+        twin = (
+            Twin(seed=options.seed, wheels=kind)
+            if scenario is None
+            else Twin.of(scenario, options.seed, kind)
+        )
     eyes = None if options.lidar is None else Eyes(robot.lidar, scenario, options.seed)
     around = None if eyes is None else eyes.around
     emulator = build_emulator(

@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any, Protocol
 
 from firmware_bridge.drivers.boards import load
+from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 
 if TYPE_CHECKING:
@@ -93,6 +94,10 @@ def build_emulator(
             around=around,
         )
         return rover
+    if robot.link.second is not None and twin is not None:
+        raise ConfigError(
+            "physics: expected a robot on one board, got a pair of boards (link.second)"
+        )
     if robot.link.second is not None:
         from kmpc_lab.emulator.pair import PairEmulator
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from firmware_bridge.kinematics import Geometry
+from firmware_bridge.messages import ConfigError
 from kmpc_lab.emulator.body import COAST, STEP, STILL, Body
 from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 from kmpc_lab.sim.twin import Twin
-from kmpc_lab.sim.twin.mjcf import LEFT, TRACK, WHEEL_RADIUS
 
 CORRECTION = (1.0, 2.0)
 """Integral gains with which an autopilot brings measured speed and turn rate to what it wants
@@ -20,7 +20,7 @@ LARGEST_CORRECTION = (0.3, 2.0)
 
 
 class TwinBody(Body):
-    """A `Body` whose motors turn the twin's wheels: both of a side follow one channel.
+    """A `Body` whose motors turn the twin's wheels: both of a skid-steered side follow a channel.
 
     Parameters
     ----------
@@ -30,13 +30,23 @@ class TwinBody(Body):
         The robot.
     now : float
         Time of the clock at the start [s].
+
+    Raises
+    ------
+    ConfigError
+        For a board that drives other wheels.
     """
 
     def __init__(self, geometry: Geometry, twin: Twin, now: float) -> None:
         super().__init__(geometry, slip=0.0, turn_gain=1.0, seed=0, lag=0.0, now=now)
+        own = twin.vehicle.geometry
+        if len(geometry.names) != len(own.names) or type(geometry) is not type(own):
+            raise ConfigError(
+                f"physics: expected a board for wheels {', '.join(own.names)}, which the digital "
+                f"twin has, got one for {', '.join(geometry.names)}"
+            )
         self.twin = twin
-        self._left = np.array(LEFT)
-        self._angles = np.zeros(len(LEFT))
+        self._angles = twin.wheel_angles
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -49,32 +59,29 @@ class TwinBody(Body):
         self._angles = self.twin.wheel_angles
 
     def _step(self) -> None:
+        self._steer()
         targets = []
-        for i in (0, 1):
+        for i in range(len(self.command)):
             change = min(max(self.command[i], -self._top), self._top) - self._ramped[i]
             self._ramped[i] += math.copysign(min(abs(change), self.ramp * STEP), change)
             targets.append(
                 self._ramped[i] if self.driven[i] else self.speeds[i] * math.exp(-STEP / COAST)
             )
-        self.twin.command_sides(*self._geometry.from_channels(*targets))
+        self.twin.turn_wheels(*self._geometry.from_channels(*targets))
+        if car := self.twin.vehicle.car:
+            self.twin.steer(self.steered * car.steering_angle)
         self.twin.advance(STEP)
         angles, speeds = self.twin.wheel_angles, self.twin.wheel_speeds
         turned, self._angles = angles - self._angles, angles
-        for i, turns in enumerate(self._channels(turned)):
+        for i, turns in enumerate(self._geometry.to_channels(*turned.tolist())):
             self.turns[i] += turns
-        self.speeds = list(self._channels(speeds))
+        self.speeds = list(self._geometry.to_channels(*speeds.tolist()))
         if (
             not any(targets)
             and np.abs(speeds).max() < STILL
             and max(map(abs, self.twin.velocity)) < STILL
         ):
-            self.speeds = [0.0, 0.0]
-
-    def _channels(self, wheels: np.ndarray) -> tuple[float, ...]:
-        """Motor turns of both channels, from radians of the four wheels."""
-        return self._geometry.to_channels(
-            float(wheels[self._left].mean()), float(wheels[~self._left].mean())
-        )
+            self.speeds = [0.0] * len(self.speeds)
 
 
 class TwinRover(RoverPhysics):
@@ -110,8 +117,6 @@ class TwinRover(RoverPhysics):
                 self._corrections, np.negative(LARGEST_CORRECTION), LARGEST_CORRECTION
             )
         v, omega = wanted + self._corrections
-        self.twin.command_sides(
-            (v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS
-        )
+        self.twin.command(float(v), float(omega))
         self.twin.advance(dt)
         self.velocity = self.twin.velocity

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from firmware_bridge.drivers.roboclaw import RoboClawOptions
-from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.messages import Controller
 from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.runtime.controller_thread import Planner, Predict, unicycle_arc
@@ -23,9 +22,9 @@ from kmpc_lab.emulator.roboclaw import RoboClawEmulator
 from kmpc_lab.emulator.twin import TwinBody
 from kmpc_lab.experiments.wire import ManualClock, Network, WiredRoboClaw
 from kmpc_lab.sim.twin import Twin
-from kmpc_lab.sim.twin.mjcf import TRACK, WHEEL_RADIUS
+from kmpc_lab.sim.twin.vehicles import VEHICLES
 
-GEOMETRY = WheelGeometry(wheel_radius=WHEEL_RADIUS, track=TRACK, max_wheel_speed=0.9)
+GEOMETRY = replace(VEHICLES["differential"].geometry, max_wheel_speed=0.9)
 """What the maker publishes; nothing of how the robot slides."""
 BOARD = RoboClawOptions(counts_per_turn=1440.0, watchdog=0.5)
 SETTLE = 0.5

@@ -8,7 +8,6 @@ of an omni with a speed sideways. `load_logs` recognises the kind, and `learn` l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -91,8 +90,8 @@ class CarRobot:
         with TemporaryDirectory() as folder:
             log = Path(folder) / "car.csv"
             values = np.column_stack([commands[:, 0], told])
-            plant = CarPlant(self.chassis, self.dt, seed + 1)
-            write(log, record(plant, commands, self, random), values, ("v", self.column), self.dt)
+            poses = record(self.moves(seed + 1), commands, self, random)
+            write(log, poses, values, ("v", self.column), self.dt)
             model = learn(load_logs([log], self.dt), [log]).model
             found, _ = read_checked(log, ReadOptions(), self.dt)
         speeds, rates = found.commands.values.T
@@ -109,8 +108,11 @@ class CarRobot:
             footprint=self.footprint,
             wheels=Car(1.0 / sharpest, 2.0 * sharpest / lasts),
         )
-        steered = Steered(CarPlant(self.chassis, self.dt, seed), bends, angles[order])
-        return Ready(model, problem, steered)
+        return Ready(model, problem, Steered(self.moves(seed), bends, angles[order]))
+
+    def moves(self, seed: int) -> Moves:
+        """What is asked for speeds and steering angles; a seed of its slip."""
+        return CarPlant(self.chassis, self.dt, seed)
 
     def _told(self, angles: Array) -> Array:
         """What its log says of steering angles (n,)."""
@@ -123,7 +125,7 @@ class CarRobot:
 class Steered:
     """A car that is asked for a speed and a turn rate: a link that knows what `fit` has found."""
 
-    def __init__(self, plant: CarPlant, bends: Array, angles: Array) -> None:
+    def __init__(self, plant: Moves, bends: Array, angles: Array) -> None:
         self._plant, self._bends, self._angles = plant, bends, angles
         self._angle = 0.0
 
@@ -162,8 +164,7 @@ class OmniRobot:
         commands = held(random, self.speeds, self.dt, HELD["omni"])
         with TemporaryDirectory() as folder:
             log = Path(folder) / "omni.csv"
-            plant = OmniPlant(self.rollers, self.dt, seed + 1)
-            poses = record(plant, commands, self, random)
+            poses = record(self.moves(seed + 1), commands, self, random)
             write(log, poses, commands, ("v", "vy", "omega"), self.dt)
             model = learn(load_logs([log], self.dt), [log]).model
         problem = NavigationProblem(
@@ -181,7 +182,11 @@ class OmniRobot:
                 footprint=self.footprint,
                 wheels=Omni(),
             )
-        return Ready(model, problem, OmniPlant(self.rollers, self.dt, seed))
+        return Ready(model, problem, self.moves(seed))
+
+    def moves(self, seed: int) -> Moves:
+        """What is asked for speeds; a seed of its slip."""
+        return OmniPlant(self.rollers, self.dt, seed)
 
 
 def draw_car(seed: int) -> CarRobot:
@@ -252,9 +257,6 @@ def draw_omni(seed: int) -> OmniRobot:
         float(random.choice((0.05, 0.1, 0.1, 0.2))),
         (0.03 * radius, 0.01) if noisy else (0.0, 0.0),
     )
-
-
-DRAWS: dict[str, Callable[[int], CarRobot | OmniRobot]] = {"car": draw_car, "omni": draw_omni}
 
 
 def held(random: np.random.Generator, most: tuple[float, ...], dt: float, lasts: float) -> Array:

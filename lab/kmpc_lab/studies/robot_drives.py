@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn, random_robot
-from kmpc_lab.studies.any_wheels import DRAWS, CarRobot, Moves, OmniRobot
+from kmpc_lab.studies.any_wheels import CarRobot, Moves, OmniRobot, draw_car, draw_omni
 from kmpc_lab.studies.records import Work
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -170,10 +170,19 @@ def _least_gap(problem: NavigationProblem, poses: Array, circles: Sequence[Circl
 def drive_random(seed: int, shapes: bool = True, wheels: str = "differential") -> RobotDrive:
     """Draw a robot, learn it and drive it; `shapes`: whether it may be one that is not round."""
     if wheels != "differential":
-        return drive_wheels(DRAWS[wheels](seed), seed)
+        return drive_wheels(_drawn(wheels, seed), seed)
     robot = random_robot(seed, shapes)
     name = "any robot" if robot.footprint is None else "not round"
     return replace(drive(robot, seed), robot=name)
+
+
+def _drawn(wheels: str, seed: int) -> CarRobot | OmniRobot:
+    """Draw a robot on other wheels, or one of the digital twin."""
+    if wheels in ("twin-car", "twin-omni"):
+        from kmpc_lab.studies import any_twin  # needs MuJoCo
+
+        return (any_twin.twin_car if wheels == "twin-car" else any_twin.twin_omni)(seed)
+    return (draw_car if wheels == "car" else draw_omni)(seed)
 
 
 def summary(rows: Sequence[RobotDrive]) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from kmpc_lab.cli.study.command import chosen, study
 from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
 from kmpc_lite.cli.progress import ProgressBar
 
@@ -42,9 +43,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--wheels",
         nargs="+",
-        choices=("differential", "car", "omni"),
+        choices=("differential", "car", "omni", "twin-car", "twin-omni"),
         default=["differential"],
-        help="anyrobot: what is drawn (default: differential)",
+        help="anyrobot: what is drawn (default: differential); twin-: the digital twin's",
     )
     add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
 
@@ -56,6 +57,8 @@ def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, b
 
     seeds = range(options.seed, options.seed + options.drives)
     if name == "anyrobot":
+        if any(kind.startswith("twin-") for kind in options.wheels):
+            need("the digital twin", "mujoco")
         rows = robot_drives.study_random(seeds, not options.round, options.wheels, work)
     else:
         at_scales = (scaled(STANDARD, by) for by in SCALES)

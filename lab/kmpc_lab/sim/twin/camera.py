@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.sim.closed_loop import Run
-from kmpc_lab.sim.twin.mjcf import WHEEL_RADIUS
 from kmpc_lab.sim.twin.plant import Twin, load_mujoco
 from kmpc_lite.errors import KmpcError
 
@@ -85,7 +84,7 @@ def film(
     frames = []
     for k, (x, y, theta) in enumerate(poses):
         step = poses[k] - poses[max(k - 1, 0)]
-        rolled = float(step[0] * np.cos(theta) + step[1] * np.sin(theta)) / WHEEL_RADIUS
+        rolled = float(step[0] * np.cos(theta) + step[1] * np.sin(theta)) / twin.vehicle.radius
         twin.show((float(x), float(y), float(theta)), rolled)
         frames.append(camera.frame())
     camera.close()

@@ -12,8 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from firmware_bridge.kinematics import OmniGeometry
+from firmware_bridge.messages import speeds_of
 from kmpc_lab.sim.twin.floors import Floor, Ground
-from kmpc_lab.sim.twin.mjcf import LEFT, TOP_SPEED, TORQUE, TRACK, WHEEL_RADIUS, WHEELS, write_mjcf
+from kmpc_lab.sim.twin.mjcf import write_mjcf
+from kmpc_lab.sim.twin.vehicles import VEHICLES, front_wheels
+from kmpc_lite.control.wheels import Wheels, wheels_to_table
 from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.errors import KmpcError, ScenarioError
 from kmpc_lite.scenario.files import Scenario
@@ -53,12 +57,13 @@ def load_mujoco() -> Any:
 
 
 class Twin:
-    """A ROSbot 2 on a floor, among cylinders; a plant as `DifferentialDrive` is one, for one robot.
+    """A robot on a floor, among cylinders; a plant as `DifferentialDrive` is one, for one robot.
 
     Its wheel speeds follow set-points by a PI loop with a motor's torque and speed limits. What a
-    command (v, omega) says to the wheels is the maker's kinematics with the geometric track: the
-    robot turns by sliding, so it turns less. It keeps its own state: `trace` moves on from where it
-    is, unless it is given another pose, where it is then put down, standing.
+    command (v, omega), or an omni's (v_x, v_y, omega), says to the wheels is the maker's kinematics
+    with the geometric track: a skid-steered robot turns by sliding, so it turns less. It keeps its
+    own state: `trace` moves on from where it is, unless it is given another pose, where it is then
+    put down, standing.
 
     Parameters
     ----------
@@ -75,6 +80,8 @@ class Twin:
         What the cameras see [m].
     goal : tuple, optional
         Where to draw a disk [m].
+    wheels : {"differential", "car", "omni"}
+        Which robot: a skid-steered ROSbot 2, a car, or a ROSbot 2 on mecanum wheels.
 
     Raises
     ------
@@ -92,27 +99,31 @@ class Twin:
         pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
         bounds: tuple[float, float, float, float] = ENTIRE_ROOM,
         goal: tuple[float, float] | None = None,
+        wheels: str = "differential",
     ) -> None:
-        self._mujoco = load_mujoco()
+        self._mujoco, self.vehicle = load_mujoco(), VEHICLES[wheels]
         if any(c.vx or c.vy for c in circles):
             raise ScenarioError("twin: expected obstacles that stand still, got one that moves")
         self.ground = Ground() if ground is None else ground
         patches = [(p.x, p.y, p.radius) for p in self.ground.patches]
         self.model = self._mujoco.MjModel.from_xml_string(
-            write_mjcf(circles, bounds, goal, patches)
+            write_mjcf(self.vehicle, circles, bounds, goal, patches)
         )
         self.data = self._mujoco.MjData(self.model)
         self._step = float(self.model.opt.timestep)
         self._vary(seed)
-        self._wheel_q = np.array([self.model.joint(name).qposadr[0] for name in WHEELS])
-        self._wheel_v = np.array([self.model.joint(name).dofadr[0] for name in WHEELS])
-        self._wheel_geoms = np.array([self.model.geom(name).id for name in WHEELS])
-        self._obstacles = {
-            i for i in range(self.model.ngeom) if self.model.geom(i).name.startswith("obstacle")
-        }
-        self._left = np.array(LEFT)
-        self.target: Array = np.zeros(len(WHEELS))
-        """Wheel speeds asked for, front left, front right, rear left, rear right [rad/s]."""
+        axles = [self.model.joint(name) for name in self.vehicle.axles]
+        self._axle_q = np.array([axle.qposadr[0] for axle in axles])
+        self._axle_v = np.array([axle.dofadr[0] for axle in axles])
+        self._tyres = np.array([self.model.geom(name).id for name in self.vehicle.tyres])
+        # of a mecanum wheel's rollers
+        self._axle_of = np.arange(len(self._tyres)) * len(axles) // len(self._tyres)
+        self._motors, self._by_axles = len(self.vehicle.motors), np.array(self.vehicle.by_axles)
+        self._obstacles = [self.model.geom(f"obstacle{i}").id for i in range(len(circles))]
+        self._turns_wheel = np.array(self.vehicle.motors)
+        self.target: Array = np.zeros(self._motors)
+        """Speeds asked for of the motors [rad/s]; of four wheels front left, front right, rear
+        left, rear right."""
         self.time = 0.0
         """Since the beginning [s]; a robot that is put down elsewhere does not turn it back."""
         self.touched: float | None = None
@@ -120,12 +131,14 @@ class Twin:
         self.place(*pose)
 
     @classmethod
-    def of(cls, scenario: Scenario, seed: int = 0) -> Twin:
-        """Build the twin of a scenario: its obstacles, its floor, its start."""
+    def of(cls, scenario: Scenario, seed: int = 0, wheels: str | None = None) -> Twin:
+        """Build the twin of a scenario: its obstacles, its floor, its start, its wheels."""
         ground = Ground.named(scenario.ground, scenario.ground_changes, scenario.ground_patches)
-        return cls(
-            scenario.circles, ground, seed, scenario.start, scenario.bounds, scenario.goal[:2]
-        )
+        if wheels is None:
+            given = scenario.wheels
+            wheels = wheels_to_table(given)["kind"] if isinstance(given, Wheels) else "differential"
+        place = scenario.start, scenario.bounds, scenario.goal[:2]
+        return cls(scenario.circles, ground, seed, *place, wheels)
 
     def _vary(self, seed: int) -> None:
         """Make it one robot of many."""
@@ -134,7 +147,7 @@ class Twin:
         random = np.random.default_rng([seed, 7])
         body = self.model.body("robot").id
         self.model.body_ipos[body, :2] += WEIGHT_SPREAD * random.normal(size=2)
-        for name in WHEELS:
+        for name in self.vehicle.tyres:
             self.model.geom(name).size[[0, 2]] *= 1.0 + TYRE_SPREAD * float(
                 np.clip(random.normal(), -3.0, 3.0)
             )
@@ -142,12 +155,13 @@ class Twin:
     def place(self, x: float, y: float, theta: float) -> None:
         """Put the robot down, standing: [m], [m], [rad]."""
         self._mujoco.mj_resetData(self.model, self.data)
-        self._turns = 0.0
-        self.data.qpos[:7] = x, y, WHEEL_RADIUS, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
+        radius = self.vehicle.radius
+        self.data.qpos[:7] = x, y, radius, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
         self.target[:] = 0.0
-        self._filtered = np.zeros(len(WHEELS))
-        self._integral = np.zeros(len(WHEELS))
-        self._floors: list[Floor | None] = [None] * len(WHEELS)
+        self._asked_angle = self._angle = 0.0
+        self._ramped, self._filtered = np.zeros(self._motors), np.zeros(self._motors)
+        self._integral = np.zeros(self._motors)
+        self._floors: list[Floor | None] = [None] * len(self._tyres)
         self._count = 0
         self._heading = math.remainder(theta, math.tau)
         self._turns = theta - self._heading
@@ -163,9 +177,9 @@ class Twin:
     def show(self, pose: tuple[float, float, float], rolled: float) -> None:
         """Put the robot at a pose for a picture, its wheels turned by so much [rad]."""
         x, y, theta = pose
-        self.data.qpos[:3] = x, y, WHEEL_RADIUS
+        self.data.qpos[:3] = x, y, self.vehicle.radius
         self.data.qpos[3:7] = math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
-        self.data.qpos[self._wheel_q] += rolled
+        self.data.qpos[self._axle_q] += rolled
         self._mujoco.mj_forward(self.model, self.data)
 
     @property
@@ -180,25 +194,35 @@ class Twin:
 
     @property
     def wheel_angles(self) -> Array:
-        """How far each wheel has turned since it was put down (4,) [rad]."""
-        angles: Array = self.data.qpos[self._wheel_q].copy()
-        return angles
+        """How far each wheel of its geometry has turned since it was put down [rad]."""
+        return self._of_wheels(self.data.qpos[self._axle_q])
 
     @property
     def wheel_speeds(self) -> Array:
-        """Of each wheel (4,) [rad/s]."""
-        speeds: Array = self.data.qvel[self._wheel_v].copy()
-        return speeds
+        """Of each wheel of its geometry [rad/s]."""
+        return self._of_wheels(self.data.qvel[self._axle_v])
 
-    def command(self, v: float, omega: float) -> None:
-        """Ask the wheels for v [m/s] and omega [rad/s], as if they did not slip."""
-        self.command_sides(
-            (v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS
-        )
+    def _of_wheels(self, axles: Array) -> Array:
+        """Means over the motors that turn a wheel, from values of the axles."""
+        wheels = self._turns_wheel
+        out: Array = np.bincount(wheels, self._by_axles @ axles) / np.bincount(wheels)
+        return out
 
-    def command_sides(self, left: float, right: float) -> None:
-        """Ask for wheel speeds of both sides [rad/s]."""
-        self.target[:] = np.clip(np.where(self._left, left, right), -TOP_SPEED, TOP_SPEED)
+    def command(self, v: float, omega: float, vy: float = 0.0) -> None:
+        """Ask for v, omega and an omni's v_y [m/s, rad/s], as if its wheels did not slip."""
+        if car := self.vehicle.car:
+            before = math.tan(self._asked_angle) / car.wheelbase
+            self.steer(car.angle(car.steer(v, omega, before)))
+        self.turn_wheels(*self.vehicle.geometry.wheels(v, omega, vy))
+
+    def turn_wheels(self, *speeds: float) -> None:
+        """Ask for speeds of the wheels of its geometry [rad/s]."""
+        top = self.vehicle.top_speed
+        self.target[:] = np.clip(np.array(speeds)[self._turns_wheel], -top, top)
+
+    def steer(self, angle: float) -> None:
+        """Ask a car's servo for an angle of the front wheels, to the left [rad]."""
+        self._asked_angle = angle
 
     def advance(self, seconds: float) -> None:
         """Let time pass; to the nearest step."""
@@ -211,21 +235,22 @@ class Twin:
         self.time = end
 
     def step(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """State (3,) after a period of dt [s] with the command u (2,)."""
+        """State (3,) after a period of dt [s] with the command u (m,)."""
         end: Array = self.trace(x, u, dt, 1)[0]
         return end
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, 3)."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        if state.shape != (STATES,) or command.shape != (INPUTS,):
+        inputs = INPUTS + isinstance(self.vehicle.geometry, OmniGeometry)
+        if state.shape != (STATES,) or command.shape != (inputs,):
             raise ValueError(
-                f"expected one state ({STATES},) and one command ({INPUTS},), "
+                f"expected one state ({STATES},) and one command ({inputs},), "
                 f"got {state.shape} and {command.shape}"
             )
         if not np.allclose(state, self._last, rtol=0.0, atol=1e-9):
             self.place(*state.tolist())
-        self.command(*command.tolist())
+        self.command(*speeds_of(command.tolist()))
         path = np.empty((substeps, STATES))
         for i in range(substeps):
             self.advance(dt / substeps)
@@ -239,18 +264,25 @@ class Twin:
             self._look_down()
             self._unwrapped()
         self._count += 1
-        h, data = self._step, self.data
-        self._filtered += (self.target - self._filtered) * (h / (SERVO_LAG + h))
+        h, data, motors = self._step, self.data, slice(self._motors)
+        most = h * self.vehicle.ramp
+        self._ramped = np.clip(self.target, self._ramped - most, self._ramped + most)
+        self._filtered += (self._ramped - self._filtered) * (h / (SERVO_LAG + h))
         # the proportional part is the actuator's own, which MuJoCo integrates implicitly; no
         # wind-up at the motor's limit
-        free = np.abs(data.actuator_force) < TORQUE * (1.0 - 1e-9)
-        self._integral += free * (self._filtered - data.qvel[self._wheel_v]) * (h / RESET_TIME)
-        data.ctrl[:] = self._filtered + self._integral
+        free = np.abs(data.actuator_force[motors]) < self.vehicle.torque * (1.0 - 1e-9)
+        behind = self._filtered - self._by_axles @ data.qvel[self._axle_v]
+        self._integral += free * behind * (h / RESET_TIME)
+        data.ctrl[motors] = self._filtered + self._integral
+        if self.vehicle.car and self._angle != self._asked_angle:
+            most = h * self.vehicle.servo_rate
+            self._angle += min(max(self._asked_angle - self._angle, -most), most)
+            data.ctrl[self._motors :] = front_wheels(self.vehicle.car, self._angle)
         self._mujoco.mj_step(self.model, data)
 
     def _look_down(self) -> None:
         """Give each wheel the friction of what is under it."""
-        positions = self.data.geom_xpos[self._wheel_geoms, :2]
+        positions = self.data.geom_xpos[self._tyres, :2]
         for i, floor in enumerate(self.ground.under(positions, self.time)):
             if floor is not self._floors[i]:
                 self._floors[i] = floor
@@ -259,14 +291,15 @@ class Twin:
                     floor.sliding,
                     floor.sliding * floor.patch_radius,
                 )
-                self.model.dof_frictionloss[self._wheel_v[i]] = floor.rolling
+                self.model.dof_frictionloss[self._axle_v[self._axle_of[i]]] = floor.rolling
 
     def _watch(self) -> None:
         """Notice the first touch of an obstacle."""
-        if self.touched is not None or self.data.ncon <= len(WHEELS) or not self._obstacles:
+        if self.touched is not None or not self._obstacles:
             return
         pairs = self.data.contact.geom
-        if any(a in self._obstacles or b in self._obstacles for a, b in pairs.tolist()):
+        first, last = self._obstacles[0], self._obstacles[-1]
+        if ((pairs >= first) & (pairs <= last)).any():
             self.touched = self.time
 
     def _unwrapped(self) -> float:
