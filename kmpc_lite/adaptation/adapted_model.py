@@ -12,8 +12,9 @@ from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.state import Gains
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.model.symmetric import find_trigonometry
 from kmpc_lite.scale import UNIT_RADIUS
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, STATES, Array
 
 LARGEST_DRIFT = 0.6
 """Sideways drift as a share of the speed, a crab angle of 31 degrees: a floor that slopes or slips
@@ -32,7 +33,7 @@ def adapted_model(
     base : KoopmanModel
         The learned one.
     gains : Gains
-        Of the velocity ahead and to the left, of the turn rate, and the pull.
+        Of the velocity ahead and to the left, of the turn rate, the pull, and of speeds sideways.
     responses : ndarray
         (nw,) how much each bilinear input drives the robot ahead.
     noise : NoiseModel
@@ -45,8 +46,26 @@ def adapted_model(
     )
     b = mix @ base.B
     b[2] += gains.pull * responses
+    h = mix @ base.H
+    if drives_sideways(base):
+        h += (gains.aside - gains.ahead) * _driven_sideways(base)
     info = {**base.info, "adaptation": {**gains._asdict(), **told}}
-    return replace(base, A=mix @ base.A, H=mix @ base.H, B=b, noise_model=noise, info=info)
+    return replace(base, A=mix @ base.A, H=h, B=b, noise_model=noise, info=info)
+
+
+def drives_sideways(model: KoopmanModel) -> bool:
+    """Whether a model's wheels drive sideways, and it tells what they do so from the rest."""
+    return model.inputs > INPUTS and model.closed_form is not None
+
+
+def _driven_sideways(model: KoopmanModel) -> Array:
+    """Part of a symmetric model's H (3, nw nz) that leads to the robot's left."""
+    place, dictionary = find_trigonometry(model.dictionary), model.dictionary
+    assert place is not None and model.closed_form is not None
+    out = np.zeros((STATES, dictionary.input_size, dictionary.size))
+    left = model.closed_form.motion[:, 1] / model.dt
+    out[0, :, place.sin], out[1, :, place.cos] = -left, left
+    return out.reshape(STATES, -1)
 
 
 class Refusal(NamedTuple):
@@ -67,6 +86,8 @@ def refuse(gains: Gains, options: AdaptationOptions, length: float) -> Refusal |
         return Refusal(f"it comes {gains.ahead:.2g} times as far ahead as the model says")
     if not abs(gains.left) < LARGEST_DRIFT * speed:
         return Refusal(f"it drifts sideways by {gains.left:.2g} of its speed")
+    if not options.least_gain < gains.aside < options.largest_gain:
+        return Refusal(f"it comes {gains.aside:.2g} times as far sideways as the model says")
     if not options.least_gain < gains.turn < options.largest_gain:
         return Refusal(f"it turns {gains.turn:.2g} times as far as the model says", turning=True)
     if not abs(gains.pull) * UNIT_RADIUS * length < LARGEST_PULL:

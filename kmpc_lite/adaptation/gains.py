@@ -1,4 +1,4 @@
-"""Four gains on a learned model: their estimate, its certainty, and the noise that remains.
+"""Gains on a learned model: their estimate, its certainty, and the noise that remains.
 
 `state` says what is kept of a step, and which sums over steps.
 """
@@ -26,6 +26,8 @@ leaves fewer, and from those any gain may come out by chance."""
 PRIOR = (0.3, 0.3, 0.1)
 """Prior standard deviations of the velocity's gains, the turn gain and the pull [rad per unit of
 length]: a gain that a drive does not show stays as it was."""
+NO_PRIOR = 1e-9
+"""Weight of a prior, as a share of what steps tell, that decides nothing."""
 
 USUAL = (0.3, 0.4)
 """Speeds at which the noise of poses is compared with that of the floor, in the robot's units:
@@ -40,7 +42,7 @@ class Estimate(NamedTuple):
 
     gains: Gains
     distance: float
-    """Squared, in standard errors over the four gains."""
+    """Squared, in standard errors over the gains."""
 
 
 def estimate(
@@ -52,16 +54,16 @@ def estimate(
     so that sets of steps compare. `length` is the robot's unit of length [m].
     """
     pull_information = (length / PRIOR[2]) ** 2
-    pp, pd, pl, dd, hh, hg, gg, ht, gt, tt, moves, turns = sums
+    pp, _, _, _, hh, hg, gg, ht, gt, tt, moves, turns, *_ = sums
     # a prior around the gains in use holds what the drive does not show
     scale = 1.0
     if scaled and pp > 0.0:
-        scale = max(QUIETEST, (dd - (pd * pd + pl * pl) / pp) / max(2.0 * moves - 2.0, 1.0))
-    information = pp + scale / PRIOR[0] ** 2
-    ahead, left = (pd - now.ahead * pp) / information, (pl - now.left * pp) / information
+        _, explained = _steps_of(sums, Gains(0.0, 0.0, 0.0, 0.0, 0.0), NO_PRIOR * pp)
+        scale = max(QUIETEST, (sums[3] - explained) / max(2.0 * moves - 2.0, 1.0))
+    (ahead, left, aside), distance = _steps_of(sums, now, scale / PRIOR[0] ** 2)
     if moves < FEWEST:
-        ahead = left = 0.0
-    distance = (ahead * ahead + left * left) * information / scale
+        ahead = left = aside = distance = 0.0
+    distance /= scale
     # the turn gain and the pull share their information
     excess = ht - now.turn * hh - now.pull * hg, gt - now.turn * hg - now.pull * gg
     scale = 1.0
@@ -83,7 +85,37 @@ def estimate(
             )
             scale = max(QUIETEST, left_over / max(turns - 2.0, 1.0))
     distance += (turn_step * excess[0] + pull_step * excess[1]) / scale
-    return Estimate(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
+    found = Gains(now.ahead + ahead, now.left + left, turn, pull, now.aside + aside)
+    return Estimate(found, distance)
+
+
+def _steps_of(
+    sums: Sequence[float], now: Gains, prior: float
+) -> tuple[tuple[float, float, float], float]:
+    """Steps of the gains ahead, left and aside, and how much of the squared errors they explain.
+
+    The displacement is ahead times what is not driven sideways, aside times what is, and left times
+    both, turned by a quarter: three equations, symmetric, which are solved one after the other.
+    """
+    pp, pd, pl, *_ = sums
+    ps, cross, ss, sd = sums[-4:]
+    qs = ps - ss
+    qq = pp - ps - qs
+    first = pd - sd - now.ahead * qq + now.left * cross - now.aside * qs
+    second = pl + now.ahead * cross - now.left * pp - now.aside * cross
+    third = sd - now.ahead * qs - now.left * cross - now.aside * ss
+    if not qq + prior > 0.0:
+        return (0.0, 0.0, 0.0), 0.0
+    by_left, by_aside = -cross / (qq + prior), qs / (qq + prior)
+    left_information = pp + prior + by_left * cross
+    shared = cross + by_aside * cross
+    left_excess = second - by_left * first
+    by_left_aside = shared / left_information
+    aside_information = ss + prior - by_aside * qs - by_left_aside * shared
+    aside = (third - by_aside * first - by_left_aside * left_excess) / aside_information
+    left = left_excess / left_information - by_left_aside * aside
+    ahead = first / (qq + prior) - by_left * left - by_aside * aside
+    return (ahead, left, aside), ahead * first + left * second + aside * third
 
 
 def whitening(
@@ -157,43 +189,44 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale
 
 
 def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
-    """Residuals of steps (7 or more, n) under gains: x [m], y [m], heading [rad], (n,) each."""
-    px, py, dx, dy, h, g, turned = steps[MOTION]
+    """Residuals of motions (9, n) under gains: x [m], y [m], heading [rad], (n,) each."""
+    px, py, dx, dy, h, g, turned, sx, sy = steps
+    more = gains.aside - gains.ahead
     return (
-        dx - gains.ahead * px + gains.left * py,
-        dy - gains.ahead * py - gains.left * px,
+        dx - gains.ahead * px + gains.left * py - more * sx,
+        dy - gains.ahead * py - gains.left * px - more * sy,
         turned - gains.turn * h - gains.pull * g,
     )
 
 
 def weighed_squares(steps: Array, gains: Gains) -> Array:
-    """Squared residuals of one step (20,) or of many (20, n) under gains, by their weights."""
-    ex, ey, turned = residuals(steps, gains)
+    """Squared residuals of one step (24,) or of many (24, n) under gains, by their weights."""
+    ex, ey, turned = residuals(steps[MOTION], gains)
     a, b = steps[WEIGHTS]
     squares: Array = a * (ex * ex + ey * ey) + b * turned * turned
     return squares
 
 
 def went_back_and_forth(steps: Array, share: float, turning: bool) -> bool:
-    """Whether the commands of steps (20, n) took back most of what they had driven, or turned.
+    """Whether the commands of steps (24, n) took back most of what they had driven, or turned.
 
     Where the net is less than a share of the whole, a robot whose motors are later than its model
     knows has come as far as if it were another one.
     """
-    px, py, _, _, h, _, _ = steps[AS_MEASURED]
+    px, py, _, _, h, *_ = steps[AS_MEASURED]
     cosine, sine = steps[HEADING]
     moved = h if turning else cosine * px + sine * py
     return abs(float(moved.sum())) < share * float(np.abs(moved).sum())
 
 
 def scores(steps: Array, gains: Gains) -> Array:
-    """Scores (4, n): by how much each step asks for a larger value of each gain."""
-    px, py, _, _, h, g, _ = steps[MOTION]
+    """Scores (5, n): by how much each step asks for a larger value of each gain."""
+    px, py, _, _, h, g, _, sx, sy = steps[MOTION]
     a, b = steps[WEIGHTS]
-    ex, ey, turned = residuals(steps, gains)
-    return np.stack(
-        [a * (px * ex + py * ey), a * (px * ey - py * ex), b * h * turned, b * g * turned]
-    )
+    ex, ey, turned = residuals(steps[MOTION], gains)
+    ahead, aside = (px - sx) * ex + (py - sy) * ey, sx * ex + sy * ey
+    left, turns = px * ey - py * ex, (b * h * turned, b * g * turned)
+    return np.stack([a * ahead, a * left, *turns, a * aside])
 
 
 def reweighed_sums(
@@ -204,7 +237,7 @@ def reweighed_sums(
     Parameters
     ----------
     steps : ndarray
-        (n, 20) as kept; their weights are overwritten.
+        (n, 24) as kept; their weights are overwritten.
     noise : ndarray
         (2, 3) variances of position and turn by 1, v^2, omega^2.
     floors, white : ndarray
@@ -215,9 +248,9 @@ def reweighed_sums(
     Returns
     -------
     sums, usual
-        (n, 12), and the mean variance of position and of turns.
+        (n, 16), and the mean variance of position and of turns.
     """
-    px, py, dx, dy, h, g, turned = steps[:, MOTION].T
+    px, py, dx, dy, h, g, turned, sx, sy = steps[:, MOTION].T
     a, b = steps[:, WEIGHTS].T
     v2, omega2 = steps[:, SPEEDS].T
     own = noise @ np.stack([np.ones(len(steps)), v2, omega2]) + floors[:, None]
@@ -227,8 +260,10 @@ def reweighed_sums(
     steps[:, WEIGHTS] = np.stack([a, b], axis=1)
     position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)
     heading = (h * h, h * g, g * g, h * turned, g * turned, turned * turned)
-    columns = [*(a * term for term in position), *(b * term for term in heading)]
-    return np.stack([*columns, a > 0.0, b > 0.0], axis=1), (float(usual[0]), float(usual[1]))
+    aside = (px * sx + py * sy, px * sy - py * sx, sx * sx + sy * sy, sx * dx + sy * dy)
+    columns = [*(a * term for term in position), *(b * term for term in heading), a > 0.0, b > 0.0]
+    sums = np.stack([*columns, *(a * term for term in aside)], axis=1)
+    return sums, (float(usual[0]), float(usual[1]))
 
 
 def contradiction(steps: Array, now: Gains, new: Gains) -> float:

@@ -21,7 +21,7 @@ class AdaptationOptions:
     memory: float = seconds(30.0, zero=False)
     """Memory of the slow estimate [s]: short enough to follow a floor that wears."""
     window_alarm: float = share(40.0, zero=False)
-    """Squared distance, in standard errors over four gains, between the window's estimate and the
+    """Squared distance, in standard errors over the gains, between the window's estimate and the
     gains in use that counts as a change. Chance alone gives 4, but few steps are heavy-tailed."""
     memory_alarm: float = share(30.0, zero=False)
     """The same for the slow estimate."""

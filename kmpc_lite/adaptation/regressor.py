@@ -12,6 +12,7 @@ from math import cos, hypot, isfinite, pi, remainder, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.adaptation.adapted_model import drives_sideways
 from kmpc_lite.adaptation.gains import reweighed_sums, whitening
 from kmpc_lite.adaptation.state import (
     AS_MEASURED,
@@ -57,7 +58,7 @@ class Regressor:
 
     def __init__(self, model: KoopmanModel, scale: Scale, memory: int) -> None:
         self._dictionary, self._dt, self._memory = model.dictionary, model.dt, memory
-        self._closed_form = model.closed_form
+        self._closed_form, self._drives_sideways = model.closed_form, drives_sideways(model)
         radius = scale.length * UNIT_RADIUS
         self._least_step, self._jump, self._held = LEAST_STEP * radius, JUMP * radius, HELD * radius
         self._floors = (NOISE_FLOOR * radius) ** 2, TURN_NOISE_FLOOR**2
@@ -117,7 +118,8 @@ class Regressor:
             b = 0.0
         # noise of a pose makes one step longer and the next one shorter: the fading sums take that
         # back
-        own, earlier, (c, d) = (px, py, dx, dy, h, g, turned), state.earlier, self._carried
+        sx, sy = self._aside(heading + 0.5 * turned, px, py)
+        own, earlier, (c, d) = (px, py, dx, dy, h, g, turned, sx, sy), state.earlier, self._carried
         px, py, dx, dy = (
             px + c * earlier[0],
             py + c * earlier[1],
@@ -125,7 +127,8 @@ class Regressor:
             dy + c * earlier[3],
         )
         h, g, turned = h + d * earlier[4], g + d * earlier[5], turned + d * earlier[6]
-        state.earlier = px, py, dx, dy, h, g, turned
+        sx, sy = sx + c * earlier[7], sy + c * earlier[8]
+        state.earlier = px, py, dx, dy, h, g, turned, sx, sy
         a, b = a / self._white[0], b / self._white[1]
         raw = state.raw[state.count % self._memory]
         raw[MOTION], raw[AS_MEASURED] = state.earlier, own
@@ -134,7 +137,17 @@ class Regressor:
         position = a * (px * px + py * py), a * (px * dx + py * dy), a * (px * dy - py * dx)
         turns = b * h * h, b * h * g, b * g * g, b * h * turned, b * g * turned
         rest = b * turned * turned, float(a > 0.0), float(b > 0.0)
-        return [*position, a * (dx * dx + dy * dy), *turns, *rest]
+        shared = a * (px * sx + py * sy), a * (px * sy - py * sx)
+        aside = a * (sx * sx + sy * sy), a * (sx * dx + sy * dy)
+        return [*position, a * (dx * dx + dy * dy), *turns, *rest, *shared, *aside]
+
+    def _aside(self, heading: float, px: float, py: float) -> tuple[float, float]:
+        """Part of a displacement that an omni's wheels drive sideways at a heading halfway."""
+        if not self._drives_sideways:
+            return 0.0, 0.0
+        cosine, sine = cos(heading), sin(heading)
+        left = cosine * py - sine * px
+        return -sine * left, cosine * left
 
     def _given(
         self,

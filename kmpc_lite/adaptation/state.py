@@ -1,9 +1,9 @@
 """What online adaptation remembers from step to step: data that copies and pickles.
 
-20 numbers are kept of a step, and 12 sums over steps: with the weight a of positions p.p, p.d, p x
-d, d.d; with the weight b of turns h h, h g, g g, h turned, g turned, turned turned; and how many
-steps had a weight a, and b. `Regressor.row` and `reweighed_sums` make them in this order,
-`estimate` reads them.
+24 numbers are kept of a step, and 16 sums over steps: with the weight a of positions p.p, p.d, p x
+d, d.d; with the weight b of turns h h, h g, g g, h turned, g turned, turned turned; how many steps
+had a weight a, and b; and with the weight a p.s, p x s, s.s, s.d. `Regressor.row` and
+`reweighed_sums` make them in this order, `estimate` reads them.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ import numpy as np
 
 from kmpc_lite.types import Array
 
-MOTION_SIZE = 7
+MOTION_SIZE = 9
 """Numbers of a motion: the displacement p = (px, py) that the model gives [m], in the map's frame,
 and the measured one d = (dx, dy); the turn h that the model gives [rad], the way ahead g [m], and
-the measured turn."""
+the measured turn; and the part s = (sx, sy) of p that an omni's wheels drive sideways, else 0."""
 MOTION = slice(0, MOTION_SIZE)
 """The motion, whitened: what the noise of a pose shares with the steps before is taken back."""
-WEIGHTS = slice(7, 9)
+WEIGHTS = slice(MOTION_SIZE, MOTION_SIZE + 2)
 """The weights a of the position and b of the turn."""
-HEADING = slice(9, 11)
+HEADING = slice(WEIGHTS.stop, WEIGHTS.stop + 2)
 """cos and sin of the heading before the step."""
-SPEEDS = slice(11, 13)
+SPEEDS = slice(HEADING.stop, HEADING.stop + 2)
 """v^2 and omega^2 of the command."""
-AS_MEASURED = slice(13, 13 + MOTION_SIZE)
+AS_MEASURED = slice(SPEEDS.stop, SPEEDS.stop + MOTION_SIZE)
 """The motion once more, as it was measured."""
 STEP_SIZE = AS_MEASURED.stop
 """Numbers that are kept of a step."""
-SUMS = 12
+SUMS = 16
 """Sums over steps."""
 NO_STEPS = (0.0,) * MOTION_SIZE
 """Fading sums where the steps before are unknown."""
@@ -48,6 +48,8 @@ class Gains(NamedTuple):
     """Factor of the learned turn rate."""
     pull: float = 0.0
     """Turn to the left per metre driven [rad/m]."""
+    aside: float = 1.0
+    """Factor of the learned speed sideways of an omni; that of other wheels is `ahead`."""
 
 
 @dataclass

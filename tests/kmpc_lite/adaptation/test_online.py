@@ -7,7 +7,13 @@ import pytest
 from slipping_floors import DT, U_MAX, errors, go, learned, model_of
 
 from kmpc_lab import DifferentialDrive, generate_dataset
-from kmpc_lite import InputHistoryDictionary, UnicycleDictionary, fit, nominal_unicycle
+from kmpc_lite import (
+    InputHistoryDictionary,
+    UnicycleDictionary,
+    fit,
+    nominal_omni,
+    nominal_unicycle,
+)
 from kmpc_lite.adaptation.online import Gains, OnlineAdaptation
 
 
@@ -123,3 +129,21 @@ def test_with_input_history():
         assert given is None or k >= 200
         x, past = after, u[None]
     assert adaptation.gains.turn == pytest.approx(0.6, abs=0.02)
+
+
+def test_an_omni_that_goes_sideways_otherwise_than_ahead_has_one_model_in_all_directions():
+    """Rollers give a tenth less of a way sideways: no direction contradicts what others showed."""
+    model, random = nominal_omni(DT), np.random.default_rng(0)
+    adaptation, x, found = OnlineAdaptation(model), np.zeros(3), []
+    happens = np.array((1.0, 0.9, 0.95))
+    for k in range(200):
+        if k % 25 == 0:
+            u = random.uniform(-1, 1, 3) * (0.6, 0.6, 1.5)
+        after = model.predict(x, u * happens)
+        adaptation.update(x, u, after)
+        found.append(adaptation.gains)
+        x = after
+    expected = np.tile(Gains(turn=0.95, aside=0.9), (100, 1))
+    np.testing.assert_allclose(found[100:], expected, atol=1e-2)
+    moved = adaptation.model.predict(x, u)
+    np.testing.assert_allclose(moved, model.predict(x, u * happens), atol=1e-3)
