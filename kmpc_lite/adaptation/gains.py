@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -229,6 +229,17 @@ def scores(steps: Array, gains: Gains) -> Array:
     return np.stack([a * ahead, a * left, *turns, a * aside])
 
 
+def sums_of(motion: Any, a: Any, b: Any) -> list[Any]:
+    """What motions (9,) or (9, n) of weights a and b add to each of the sums."""
+    px, py, dx, dy, h, g, turned, sx, sy = motion
+    position = a * (px * px + py * py), a * (px * dx + py * dy), a * (px * dy - py * dx)
+    turns = b * h * h, b * h * g, b * g * g, b * h * turned, b * g * turned
+    rest = b * turned * turned, a > 0.0, b > 0.0
+    shared = a * (px * sx + py * sy), a * (px * sy - py * sx)
+    aside = a * (sx * sx + sy * sy), a * (sx * dx + sy * dy)
+    return [*position, a * (dx * dx + dy * dy), *turns, *rest, *shared, *aside]
+
+
 def reweighed_sums(
     steps: Array, noise: Array, floors: Array, white: Array, even: float
 ) -> tuple[Array, tuple[float, float]]:
@@ -250,7 +261,6 @@ def reweighed_sums(
     sums, usual
         (n, 16), and the mean variance of position and of turns.
     """
-    px, py, dx, dy, h, g, turned, sx, sy = steps[:, MOTION].T
     a, b = steps[:, WEIGHTS].T
     v2, omega2 = steps[:, SPEEDS].T
     own = noise @ np.stack([np.ones(len(steps)), v2, omega2]) + floors[:, None]
@@ -258,11 +268,7 @@ def reweighed_sums(
     weights = 1.0 / (own + even * usual[:, None]) / white[:, None]
     a, b = np.where(a > 0.0, weights[0], 0.0), np.where(b > 0.0, weights[1], 0.0)
     steps[:, WEIGHTS] = np.stack([a, b], axis=1)
-    position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)
-    heading = (h * h, h * g, g * g, h * turned, g * turned, turned * turned)
-    aside = (px * sx + py * sy, px * sy - py * sx, sx * sx + sy * sy, sx * dx + sy * dy)
-    columns = [*(a * term for term in position), *(b * term for term in heading), a > 0.0, b > 0.0]
-    sums = np.stack([*columns, *(a * term for term in aside)], axis=1)
+    sums = np.stack(sums_of(steps[:, MOTION].T, a, b), axis=1)
     return sums, (float(usual[0]), float(usual[1]))
 
 

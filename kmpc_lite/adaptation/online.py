@@ -5,10 +5,9 @@ The paper calls it "real-time learning" and leaves it as future work.
 What changes under a robot changes few numbers: how far it comes per command, how it drifts
 sideways, how much of a turn happens, and whether it pulls to one side. So four gains on the learned
 model are adapted, not its 18 coefficients. In the robot's frame the first two have one and the same
-information, so that no drive along a straight line can upset the turns. An omni's rollers give less
-of a way sideways than of one ahead, so that it has a fifth gain. After a slip of 0.2 and a
-turn gain of 0.6, 20 steps of them predict within 1.09 times a fresh fit's error (median; worst of
-12 drives 1.35); all coefficients, fitted to the same steps, need 400 for 1.23 (1.94).
+information, so that no straight drive can upset the turns. An omni has a fifth, of speeds sideways.
+After a slip of 0.2 and a turn gain of 0.6, 20 steps of them predict within 1.09 times a fresh fit's
+error (median; worst of 12 drives 1.35); all coefficients, fitted to them, need 400 for 1.23 (1.94).
 
 It has a folder of its own because the controller runs it, and `control` must not import `learn`.
 """

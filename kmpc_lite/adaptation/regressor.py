@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.adapted_model import drives_sideways
-from kmpc_lite.adaptation.gains import reweighed_sums, whitening
+from kmpc_lite.adaptation.gains import reweighed_sums, sums_of, whitening
 from kmpc_lite.adaptation.state import (
     AS_MEASURED,
     HEADING,
@@ -134,12 +134,7 @@ class Regressor:
         raw[MOTION], raw[AS_MEASURED] = state.earlier, own
         raw[WEIGHTS], raw[SPEEDS] = (a, b), (v2, omega2)
         raw[HEADING] = cos(heading), sin(heading)
-        position = a * (px * px + py * py), a * (px * dx + py * dy), a * (px * dy - py * dx)
-        turns = b * h * h, b * h * g, b * g * g, b * h * turned, b * g * turned
-        rest = b * turned * turned, float(a > 0.0), float(b > 0.0)
-        shared = a * (px * sx + py * sy), a * (px * sy - py * sx)
-        aside = a * (sx * sx + sy * sy), a * (sx * dx + sy * dy)
-        return [*position, a * (dx * dx + dy * dy), *turns, *rest, *shared, *aside]
+        return sums_of(state.earlier, a, b)
 
     def _aside(self, heading: float, px: float, py: float) -> tuple[float, float]:
         """Part of a displacement that an omni's wheels drive sideways at a heading halfway."""

@@ -2,8 +2,8 @@
 
 24 numbers are kept of a step, and 16 sums over steps: with the weight a of positions p.p, p.d, p x
 d, d.d; with the weight b of turns h h, h g, g g, h turned, g turned, turned turned; how many steps
-had a weight a, and b; and with the weight a p.s, p x s, s.s, s.d. `Regressor.row` and
-`reweighed_sums` make them in this order, `estimate` reads them.
+had a weight a, and b; and with the weight a p.s, p x s, s.s, s.d. `sums_of` makes them in
+this order, `estimate` reads them.
 """
 
 from __future__ import annotations
