@@ -15,10 +15,10 @@ from firmware_bridge.cli.model_gate import describe_model
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import open_transport
-from firmware_bridge.messages import BridgeError, LidarError, LinkError, State, VelocityCommand
+from firmware_bridge.messages import BridgeError, LidarError, LinkError, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.session import open_driver
-from firmware_bridge.runtime.timing import Histogram
+from firmware_bridge.runtime.timing import listen
 from firmware_bridge.safety.estop_client import NoBridge, ask
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
@@ -28,7 +28,6 @@ from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import paint
 
-POLL = 0.005
 PREARM = 1.0
 """How long an autopilot may take to say what keeps it from arming [s]."""
 WOULD_DRIVE = "the safety gate would let it drive now"
@@ -62,6 +61,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
     parser.add_argument(
         "--scenario",
+        dest="control.scenario",
         metavar="NAME",
         help="control.scenario: check that the robot stands clear of its obstacles, and that the "
         "lidar agrees with its map",
@@ -74,7 +74,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="how long to watch the telemetry [s] (default: 2)",
     )
     parser.add_argument(
-        "--model", metavar="FILE", help="control.model: whether this model suits the robot"
+        "--model",
+        dest="control.model",
+        metavar="FILE",
+        help="control.model: whether this model suits the robot",
     )
 
 
@@ -160,16 +163,7 @@ def _estop(robot: Robot) -> list[Finding]:
 
 def _telemetry(driver: Driver, robot: Robot, seconds: float) -> list[Finding]:
     """Rate and age of poses, and what the board says of itself."""
-    until, last, gaps, ages = time.monotonic() + seconds, None, Histogram(), Histogram()
-    state: State | None = None
-    while (now := time.monotonic()) < until:
-        state = driver.state()
-        if state is not None and state.stamp != last:
-            ages.add(now - state.stamp)
-            if last is not None:
-                gaps.add(state.stamp - last)
-            last = state.stamp
-        time.sleep(POLL)
+    state, gaps, ages = listen(driver.state, seconds)
     found = []
     if state is None:
         found.append(Finding(False, f"no pose within {seconds:g} s"))

@@ -11,7 +11,7 @@ import numpy as np
 from firmware_bridge.cli.course import own_frame, scenario_of
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import Robot
-from firmware_bridge.runtime.timing import Histogram
+from firmware_bridge.runtime.timing import listen
 from firmware_bridge.sensors.sensor_driver import placed
 
 if TYPE_CHECKING:
@@ -81,7 +81,6 @@ def fit(scan: Scan, pose: tuple[float, float, float], world: World, mirrored: bo
     return found
 
 
-POLL = 0.005
 SELF = 0.25
 """Hits nearer than this may be the robot itself [m]."""
 DARK = 0.3
@@ -100,15 +99,7 @@ def look(driver: SightedDriver, robot: Robot, seconds: float) -> list[tuple[bool
     seconds : float
         How long [s].
     """
-    until, last, gaps, ages = time.monotonic() + seconds, None, Histogram(), Histogram()
-    while (now := time.monotonic()) < until:
-        sweep = driver.sweep()
-        if sweep is not None and sweep.stamp != last:
-            ages.add(now - sweep.stamp)
-            if last is not None:
-                gaps.add(sweep.stamp - last)
-            last = sweep.stamp
-        time.sleep(POLL)
+    last, gaps, ages = listen(driver.sweep, seconds)
     health = driver.lidar.health()
     found = [(False, fault) for fault in driver.health().scan_faults]
     if last is None:

@@ -1,4 +1,7 @@
-"""Options that several commands share: which robot, what it may do, how it is driven."""
+"""Options that several commands share: which robot, what it may do, how it is driven.
+
+An option that replaces a key of the robot file is stored under its name there, ``section.key``.
+"""
 
 from __future__ import annotations
 
@@ -16,69 +19,69 @@ from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.tuning import TURN_SHARE
 from kmpc_lite.reading import parse_toml
 
+Add = Callable[..., object]
+
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
     """Add where the robot is and what it may do; each option replaces a key of the robot file."""
     parser.add_argument("robot", nargs="?", help="robot file (TOML): kmpc init writes one")
     add = parser.add_argument_group("instead of keys of the robot file").add_argument
-    add(
-        "--driver",
-        choices=DRIVERS,
-        metavar="NAME",
-        help=f"link.driver: {', '.join(DRIVERS)}",
+    names = ", ".join(DRIVERS)
+    _add(add, "--driver", "link.driver", names, choices=DRIVERS, metavar="NAME")
+    where = (
+        "serial:PATH?baud=..., a device's path, pty:PATH, tcp:HOST:PORT, "
+        "udp:HOST:PORT (sends there), udp:HOST:PORT?listen=1 (waits there)"
     )
-    add(
-        "--link",
-        metavar="URL",
-        help="link.url: serial:PATH?baud=..., a device's path, pty:PATH, tcp:HOST:PORT, "
-        "udp:HOST:PORT (sends there), udp:HOST:PORT?listen=1 (waits there)",
+    _add(add, "--link", "link.url", where, metavar="URL")
+    capture = "udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)"
+    _add(add, "--pose", "link.pose", capture, metavar="URL")
+    shared = (
+        "share an autopilot with QGroundControl or MAVProxy, repeatable:\n"
+        "udp:127.0.0.1:14550 (sends there), udp:HOST:PORT?listen=1 (waits there)"
     )
-    add(
-        "--pose",
-        metavar="URL",
-        help="link.pose: udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)",
-    )
-    _add_forward(add)
-    add(
-        "--timeout",
-        type=float,
-        metavar="S",
-        help="link.timeout: how long the board may take to answer [s]",
-    )
+    _add(add, "--forward", "link.forward", shared, action="append", metavar="URL")
+    answer = "how long the board may take to answer [s]"
+    _add(add, "--timeout", "link.timeout", answer, type=float, metavar="S")
     add_limits(add)
 
 
-def add_limits(add: Callable[..., object]) -> None:
+def add_limits(add: Add) -> None:
     """Add what the robot may do, and any other key of a robot file."""
     add(
         "--v-max",
         "--max-speed",
-        dest="v_max",
+        dest="limits.v_max",
         type=float,
         metavar="V",
         help="limits.v_max and v_reverse [m/s] (default: 0.3, slow on purpose)",
     )
     add(
         "--omega-max",
+        dest="limits.omega_max",
         type=float,
         metavar="OMEGA",
         help="limits.omega_max [rad/s] (default: 0.8)",
     )
     add(
         "--max-acceleration",
+        dest="limits.acceleration",
         type=float,
         metavar="A",
         help="limits.acceleration [m/s^2], and angular_acceleration: 4 A [rad/s^2]",
     )
     add(
         "--geofence",
+        dest="safety.geofence",
         nargs=4,
         type=float,
         metavar=("XMIN", "YMIN", "XMAX", "YMAX"),
         help="safety.geofence [m]",
     )
-    add_lidar_options(add)
-    add("--socket", metavar="PATH", help="safety.socket: path of the emergency stop's socket")
+    own = f"{', '.join(LIDARS)} (an autopilot's own sensors)"
+    _add(add, "--lidar", "lidar.driver", own, choices=LIDARS, metavar="NAME")
+    where = "serial:PATH, pty:PATH, tcp:HOST:PORT, udp:HOST:PORT"
+    _add(add, "--lidar-link", "lidar.link", where, metavar="URL")
+    _add(add, "--socket", "safety.socket", "path of the emergency stop's socket", metavar="PATH")
     add(
         "--set",
         action="append",
@@ -89,79 +92,38 @@ def add_limits(add: Callable[..., object]) -> None:
     )
 
 
-def add_lidar_options(add: Callable[..., object]) -> None:
-    """Add which lidar the robot has."""
-    add(
-        "--lidar",
-        choices=LIDARS,
-        metavar="NAME",
-        help=f"lidar.driver: {', '.join(LIDARS)} (an autopilot's own sensors)",
-    )
-    add(
-        "--lidar-link",
-        metavar="URL",
-        help="lidar.link: serial:PATH, pty:PATH, tcp:HOST:PORT, udp:HOST:PORT",
-    )
-
-
-def _add_forward(add: Callable[..., object]) -> None:
-    add(
-        "--forward",
-        action="append",
-        metavar="URL",
-        help="link.forward: share an autopilot with QGroundControl or MAVProxy, repeatable:\n"
-        "udp:127.0.0.1:14550 (sends there), udp:HOST:PORT?listen=1 (waits there)",
-    )
+def _add(add: Add, flag: str, key: str, text: str, **more: Any) -> None:
+    """Add an option that replaces a key of the robot file."""
+    add(flag, dest=key, help=f"{key}: {text}", **more)
 
 
 def add_drive_options(parser: argparse.ArgumentParser) -> None:
     """Add how the robot is driven."""
     add = parser.add_argument_group("driving").add_argument
-    add(
-        "--arm",
-        action="store_true",
-        help="arm an autopilot and choose GUIDED; else the pilot does both",
-    )
+    arm = "arm an autopilot and choose GUIDED; else the pilot does both"
+    add("--arm", dest="board.arm", action="store_const", const=True, help=arm)
     add_loop_options(add)
-    add(
-        "--command-period",
-        type=float,
-        metavar="S",
-        help="control.command_period: time between commands on the wire [s] (default: 0.02)",
-    )
+    period = "time between commands on the wire [s] (default: 0.02)"
+    _add(add, "--command-period", "control.command_period", period, type=float, metavar="S")
 
 
-def add_loop_options(add: Callable[..., object]) -> None:
+def add_loop_options(add: Add) -> None:
     """Add the controller's period, what is known of its lateness, and its priority."""
-    add(
-        "--period",
-        type=float,
-        metavar="S",
-        help="control.period: of the controller [s]; default: the model's",
-    )
-    add(
-        "--latency",
-        type=float,
-        metavar="S",
-        help="control.latency: from wire to wheels [s] "
-        "(default: 0; 0.2 for an autopilot if the model has no lags)",
-    )
-    add(
-        "--realtime",
-        action="store_true",
-        help="ask for real-time priority, and report what was refused",
-    )
+    period = "of the controller [s]; default: the model's"
+    _add(add, "--period", "control.period", period, type=float, metavar="S")
+    latency = "from wire to wheels [s] (default: 0; 0.2 for an autopilot if the model has no lags)"
+    _add(add, "--latency", "control.latency", latency, type=float, metavar="S")
+    realtime = "ask for real-time priority, and report what was refused"
+    add("--realtime", action="store_true", help=realtime)
 
 
-def add_course_options(add: Callable[..., object]) -> None:
+def add_course_options(add: Add) -> None:
     """Add the model that plans, when a goal counts as held, and where the drive is recorded."""
-    add(
-        "--model",
-        metavar="FILE",
-        help="learned model (kmpc fit); default: the nominal unicycle",
-    )
+    learned = "learned model (kmpc fit); default: the nominal unicycle"
+    add("--model", dest="control.model", metavar="FILE", help=learned)
     add(
         "--trust-model",
+        dest="control.trust_model",
         action="store_true",
         default=None,
         help="drive even if the model has another vehicle or period, or was learned from slower "
@@ -189,8 +151,8 @@ def read_robot(options: argparse.Namespace) -> Robot:
         Where the robot's driver needs an extra that is not installed.
     """
     overrides = overrides_of(options)
-    robot = load_robot(vars(options).get("robot"), overrides)
-    if vars(options).get("arm") and not robot.is_autopilot:
+    robot = load_robot(options.robot, overrides)
+    if vars(options).get("board.arm") and not robot.is_autopilot:
         raise ConfigError(
             f"--arm: only an autopilot is armed; {robot.link.driver} drives as soon as the bridge "
             "runs"
@@ -201,40 +163,19 @@ def read_robot(options: argparse.Namespace) -> Robot:
 
 def overrides_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """Sections and keys that a command line replaces; ConfigError for what is none."""
-    given = vars(options)
-    acceleration = given.get("max_acceleration")
-    overrides: dict[str, dict[str, Any]] = {
-        "link": {
-            "url": given.get("link"),
-            "driver": given.get("driver"),
-            "timeout": given.get("timeout"),
-            "pose": given.get("pose"),
-            "forward": " ".join(given.get("forward") or ()) or None,
-        },
-        "lidar": {"driver": given.get("lidar"), "link": given.get("lidar_link")},
-        "board": {"arm": True if given.get("arm") else None},
-        "limits": {
-            "v_max": given.get("v_max"),
-            "v_reverse": given.get("v_max"),
-            "omega_max": given.get("omega_max"),
-            "acceleration": acceleration,
-            "angular_acceleration": None if acceleration is None else TURN_SHARE * acceleration,
-        },
-        "safety": {"geofence": given.get("geofence"), "socket": given.get("socket")},
-        "control": {
-            name: given.get(name)
-            for name in (
-                "period",
-                "command_period",
-                "latency",
-                "model",
-                "scenario",
-                "trust_model",
-            )
-        },
-    }
-    overrides["control"]["map"] = False if given.get("by_sight") else None
-    for item in given.get("set", []):
+    overrides: dict[str, dict[str, Any]] = {}
+    for name, value in vars(options).items():
+        section, dot, key = name.partition(".")
+        if dot and value is not None:
+            overrides.setdefault(section, {})[key] = value
+    limits, link = overrides.get("limits", {}), overrides.get("link", {})
+    if "v_max" in limits:
+        limits["v_reverse"] = limits["v_max"]
+    if "acceleration" in limits:
+        limits["angular_acceleration"] = TURN_SHARE * limits["acceleration"]
+    if "forward" in link:
+        link["forward"] = " ".join(link["forward"])
+    for item in vars(options).get("set", ()):
         section, key, value = _assignment(item)
         overrides.setdefault(section, {})[key] = value
     return overrides

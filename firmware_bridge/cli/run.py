@@ -44,6 +44,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--scenario",
+        dest="control.scenario",
         metavar="NAME",
         help="scenario file, or the name of one that comes with kmpc_lite",
     )
@@ -56,7 +57,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_clearance(add)
     add(
         "--by-sight",
-        action="store_true",
+        dest="control.map",
+        action="store_const",
+        const=False,
         help="control.map = false: the controller ignores the scenario's obstacles, and drives "
         "by the lidar alone",
     )

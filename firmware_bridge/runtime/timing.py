@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from typing import Protocol, TypeVar
 
+POLL = 0.005
+"""Between two looks of `listen` [s]."""
 FLOOR = 1e-6
 """Shorter times count as this [s]."""
 RATIO = 1.01
@@ -104,6 +107,32 @@ class Deadlines:
         following = max(self._index + 1, math.floor((now - self._start) / self.period) + 1)
         self.skipped += following - self._index - 1
         self._index = following
+
+
+class Stamped(Protocol):
+    """What was measured at a time."""
+
+    @property
+    def stamp(self) -> float:
+        """When, by `time.monotonic()` [s]."""
+        ...
+
+
+S = TypeVar("S", bound=Stamped)
+
+
+def listen(newest: Callable[[], S | None], seconds: float) -> tuple[S | None, Histogram, Histogram]:
+    """Look for some time [s] at what comes; gives the last, gaps between two, and ages."""
+    until, last, gaps, ages = time.monotonic() + seconds, None, Histogram(), Histogram()
+    while (now := time.monotonic()) < until:
+        found = newest()
+        if found is not None and (last is None or found.stamp != last.stamp):
+            ages.add(now - found.stamp)
+            if last is not None:
+                gaps.add(found.stamp - last.stamp)
+            last = found
+        time.sleep(POLL)
+    return last, gaps, ages
 
 
 def table(rows: Mapping[str, Histogram]) -> str:

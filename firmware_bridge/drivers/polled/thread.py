@@ -270,9 +270,9 @@ class PollingThread(Board):
             self._dead.forget()
             self._runaway.forget()
             return
-        told = self._geometry.from_channels(*self._held.value)
-        self._dead.take(told, self._odometry.turned, stamp)
-        self._runaway.take(told, self._geometry.from_channels(*speeds), stamp)
+        asked = self._geometry.from_channels(*self._held.value)
+        self._dead.take(asked, self._odometry.turned, stamp)
+        self._runaway.take(asked, self._geometry.from_channels(*speeds), stamp)
 
     def _settle(self) -> None:
         """Let what is late arrive and be thrown away before the next request."""

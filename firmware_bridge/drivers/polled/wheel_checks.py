@@ -25,7 +25,7 @@ class Stretch:
 
     since: float = math.nan
     """[s]"""
-    told: float = 0.0
+    asked: float = 0.0
     """[rad]"""
     turned: float = 0.0
     """[rad]"""
@@ -61,18 +61,18 @@ class DeadWheels:
         self._stretches = tuple(Stretch() for _ in self._names)
         self._last: float | None = None
 
-    def take(self, told: tuple[float, ...], turned: tuple[float, ...], now: float) -> None:
+    def take(self, asked: tuple[float, ...], turned: tuple[float, ...], now: float) -> None:
         """Take the commanded speeds of the wheels [rad/s], and how far they turned [rad].
 
         Since the last call; `now` is when the counters were read [s].
         """
         dt = 0.0 if self._last is None else max(0.0, now - self._last)
         self._last = now
-        for stretch, speed, step in zip(self._stretches, told, turned, strict=True):
-            stretch.told += speed * dt
+        for stretch, speed, step in zip(self._stretches, asked, turned, strict=True):
+            stretch.asked += speed * dt
             stretch.turned += step
-            if not abs(stretch.turned) <= SHARE * abs(stretch.told) or math.isnan(stretch.since):
-                stretch.since, stretch.told, stretch.turned = now, 0.0, 0.0
+            if not abs(stretch.turned) <= SHARE * abs(stretch.asked) or math.isnan(stretch.since):
+                stretch.since, stretch.asked, stretch.turned = now, 0.0, 0.0
 
     def faults(self) -> tuple[str, ...]:
         """What is wrong, in words."""
@@ -81,7 +81,7 @@ class DeadWheels:
             "motor off or blocked?"
             for side, stretch in zip(self._names, self._stretches, strict=True)
             if self._last is not None
-            and abs(stretch.told) >= self._farthest
+            and abs(stretch.asked) >= self._farthest
             and self._last - stretch.since >= PATIENCE
         )
 
@@ -97,23 +97,23 @@ HINT = "are the lines of its encoder or its motor exchanged?"
 class Wheel:
     """Recent commands of a wheel."""
 
-    told: deque[tuple[float, float]] = field(default_factory=deque)
+    asked: deque[tuple[float, float]] = field(default_factory=deque)
     """When [s], and what [rad/s]."""
     wrong_since: float = math.inf
     """[s]"""
 
     def excess(self, speed: float, now: float, margin: float) -> str:
         """What is wrong with a speed [rad/s], in words; empty if nothing is."""
-        while self.told[0][0] < now - PATIENCE:
-            self.told.popleft()
-        slowest = min(told for _, told in self.told)
-        fastest = max(told for _, told in self.told)
+        while self.asked[0][0] < now - PATIENCE:
+            self.asked.popleft()
+        slowest = min(speed for _, speed in self.asked)
+        fastest = max(speed for _, speed in self.asked)
         largest = max(fastest, -slowest)
         if largest == 0.0:  # not driven: it is pushed, or rolls
             return ""
         if abs(speed) > OVERSHOOT * largest + margin:
             return "runs faster than commanded"
-        whole = now - self.told[0][0] >= 0.9 * PATIENCE
+        whole = now - self.asked[0][0] >= 0.9 * PATIENCE
         if whole and slowest * fastest > 0.0 and speed * fastest < 0.0 and abs(speed) > margin:
             return "turns against its command"
         return ""
@@ -151,10 +151,12 @@ class RunawayWheels:
         """What is wrong, in words."""
         return self._faults
 
-    def take(self, told: tuple[float, ...], speeds: tuple[float, ...], now: float) -> None:
+    def take(self, asked: tuple[float, ...], speeds: tuple[float, ...], now: float) -> None:
         """Take the commands and the speeds of the wheels [rad/s]."""
-        for side, wheel, wanted, speed in zip(self._names, self._wheels, told, speeds, strict=True):
-            wheel.told.append((now, wanted))
+        for side, wheel, wanted, speed in zip(
+            self._names, self._wheels, asked, speeds, strict=True
+        ):
+            wheel.asked.append((now, wanted))
             words = wheel.excess(speed, now, self._margin)
             if not words:
                 wheel.wrong_since = math.inf

@@ -148,7 +148,7 @@ def test_emulate_without_a_lidar_in_the_file_says_so(tmp_path, capsys):
 def test_options_reach_the_robot():
     parser = argparse.ArgumentParser()
     add_robot_options(parser)
-    parser.add_argument("--by-sight", action="store_true")
+    parser.add_argument("--by-sight", dest="control.map", action="store_const", const=False)
     words = ["--driver", "mavlink", "--link", "tcp:127.0.0.1:1", "--lidar", "mavlink"]
     robot = read_robot(parser.parse_args([*words, "--by-sight"]))
     assert robot.lidar.driver == "mavlink" and robot.control.map is False
