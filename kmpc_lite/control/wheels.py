@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -25,28 +25,34 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
 
-@dataclass(frozen=True)
-class Differential:
-    """Wheels on either side: the robot drives along its heading, and turns on the spot."""
+class Unsteered:
+    """Wheels that do any command at once: they need not be steered first."""
 
-    turns_on_the_spot, follows_poses, reverse = True, False, True
-    axes, inputs = (0, 1), 2
+    axes: ClassVar[tuple[int, ...]] = (0, 1)
+    inputs: ClassVar[int] = 2
 
     def within(self, commands: Array) -> Array:
-        """Bring commands (..., 2) within what the wheels can do: all is."""
+        """Bring commands (..., m) within what the wheels can do: all is."""
         return commands
 
     def steering_time(self, now: float, reference: Array, dt: float) -> float:
         """How long the wheels take to be turned for a reference [s]: they need not."""
         return 0.0
 
-    def ramped(self, rates: Array) -> tuple[Differential, Array]:
+    def ramped(self, rates: Array) -> tuple[Self, Array]:
         """Give itself, and the fastest changes (inputs,) of its commands where its ramps are so."""
-        return self, rates
+        return self, rates if len(rates) == self.inputs else rates[list(self.axes)]
 
-    def in_units(self, scale: Scale) -> Differential:
+    def in_units(self, scale: Scale) -> Self:
         """Give the same in a robot's units."""
         return self
+
+
+@dataclass(frozen=True)
+class Differential(Unsteered):
+    """Wheels on either side: the robot drives along its heading, and turns on the spot."""
+
+    turns_on_the_spot, follows_poses, reverse = True, False, True
 
 
 CORRECTION = 0.25
@@ -229,27 +235,11 @@ class Car:
 
 
 @dataclass(frozen=True)
-class Omni:
+class Omni(Unsteered):
     """Wheels that roll sideways, too: commands are (v_x, v_y, omega)."""
 
     turns_on_the_spot, follows_poses, reverse = True, True, True
     axes, inputs = (0, 0, 1), 3
-
-    def within(self, commands: Array) -> Array:
-        """Bring commands (..., 3) within what the wheels can do: all is."""
-        return commands
-
-    def steering_time(self, now: float, reference: Array, dt: float) -> float:
-        """How long the wheels take to be turned for a reference [s]: they need not."""
-        return 0.0
-
-    def ramped(self, rates: Array) -> tuple[Omni, Array]:
-        """Give itself, and the fastest changes (inputs,) of its commands where its ramps are so."""
-        return self, rates if len(rates) == self.inputs else rates[list(self.axes)]
-
-    def in_units(self, scale: Scale) -> Omni:
-        """Give the same in a robot's units."""
-        return self
 
 
 def _commands_along(reference: Array, dt: float) -> Array:
