@@ -163,7 +163,7 @@ class Controller:
         settings_of.check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         guide = make_guide(units, options, clock, planner, scale, kernels) if guidance else None
         self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age, kernels)
-        self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
+        self._admission = Admission(scale, self._pipeline.scene)
         self._learned = model
         self.reset()
 

@@ -17,9 +17,8 @@ from kmpc_lite.control.input_checks import (
     step_numbers,
 )
 from kmpc_lite.control.kernels.clearance import COLUMNS, SPREAD_RATE, things_of
-from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState, too_many
+from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
@@ -106,12 +105,10 @@ class Admission:
         The robot's units.
     scene : Scene
         Sorts obstacles.
-    most : ObstacleOptions
-        How many are looked at.
     """
 
-    def __init__(self, scale: Scale, scene: Scene, most: ObstacleOptions) -> None:
-        self._scale, self._scene, self._most = scale, scene, most
+    def __init__(self, scale: Scale, scene: Scene) -> None:
+        self._scale, self._scene = scale, scene
 
     def admit(
         self,
@@ -131,8 +128,7 @@ class Admission:
         pose, target, command = step_numbers(x, goal, sent, self._scale.inputs)
         if command is not None and not is_plausible(command):
             command = np.full(len(command), np.nan)  # what was sent is not known
-        refusal = too_many(obstacles, self._most)
-        circles, solids, scans = self._scene.sort(state, () if refusal else obstacles)
+        refusal, circles, solids, scans = self._scene.sort(state, obstacles)
         scale, pose_is_known = self._scale, is_plausible(pose)
         if refusal:
             pass

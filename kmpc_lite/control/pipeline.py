@@ -96,7 +96,7 @@ class Pipeline:
         unit = unit_length(units)
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
         reach += REACH_BEYOND_PLAN * unit
-        self.scene = Scene(scale.length, reach, LOOKUP_DISTANCE * unit)
+        self.scene = Scene(scale.length, reach, LOOKUP_DISTANCE * unit, options.obstacles)
         self._watching = Watching(units, scale, options, reach, self._answers, kernels)
         self._standstill = StandstillWatch(units, scale, options.guidance)
 

@@ -34,7 +34,7 @@ def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
 def box_distances(low: Array, high: Array, points: Array) -> Array:
     """As `boxes.box_distances`."""
     out = np.empty(len(points))
-    c.box_distances(_dense(low), _dense(high), _dense(points), out)
+    c.box_distances(*map(_dense, (low, high, points)), out)
     return out
 
 
@@ -42,12 +42,10 @@ def nearest_boxes(
     low: Array, high: Array, points: Array, behind: float, columns: int
 ) -> tuple[Array, Array, Array]:
     """As `boxes.nearest_boxes`."""
-    shape = len(points), columns
-    chosen = np.empty(shape, dtype=np.int_)
-    distance, normals = np.empty(shape), np.empty((*shape, 2))
-    dense, room = (_dense(low), _dense(high), _dense(points)), np.empty((len(low), 4))
-    c.nearest_boxes(*dense, room, chosen, distance, normals, behind, columns)
-    return chosen, distance, normals
+    shape, room = (len(points), columns), np.empty((len(low), 4))
+    found = np.empty(shape, dtype=np.int_), np.empty(shape), np.empty((*shape, 2))
+    c.nearest_boxes(*map(_dense, (low, high, points)), room, *found, behind, columns)
+    return found
 
 
 def fill(
@@ -106,29 +104,12 @@ def fill(
 
 
 def stop_errors(
-    distances: Array,
-    turns: Array,
-    dt: float,
-    position: Array,
-    heading: Array,
-    rare: float,
-    usual: float,
-    reach: float,
+    distances: Array, turns: Array, dt: float, position: Array, heading: Array, *numbers: float
 ) -> Array:
     """As `stop_errors.stop_errors`."""
     out = np.empty(distances.shape)
-    c.stop_errors(
-        _dense(distances),
-        _dense(turns),
-        _dense(position),
-        _dense(heading),
-        out,
-        distances.shape[-1],
-        dt,
-        rare,
-        usual,
-        reach,
-    )
+    dense = map(_dense, (distances, turns, position, heading))
+    c.stop_errors(*dense, out, distances.shape[-1], dt, *numbers)
     return out
 
 
@@ -145,7 +126,7 @@ def between_samples(
 ) -> Array:
     """As `safe_motion.between_samples`."""
     out = np.empty(clearance.shape)
-    dense = _dense(clearance), _dense(standing), _dense(places), _dense(begin)
+    dense = map(_dense, (clearance, standing, places, begin))
     c.between_samples(*dense, out, len(places), radius)
     return out
 
@@ -155,7 +136,7 @@ def surely_clear(
 ) -> Array:
     """As `safe_motion.surely_clear`."""
     out = np.empty(len(error), dtype=np.bool_)
-    dense = _dense(clearance), _dense(margins), _dense(error), _dense(travel)
+    dense = map(_dense, (clearance, margins, error, travel))
     c.surely_clear(*dense, np.ascontiguousarray(ends, dtype=np.intc), out, lost)
     return out
 
@@ -175,20 +156,9 @@ def admissible(
 ) -> Array:
     """As `safe_motion.admissible`."""
     out = np.empty(len(clearance), dtype=np.bool_)
-    c.admissible(
-        _dense(clearance),
-        _dense(standing),
-        _dense(spend),
-        _dense(margins),
-        _dense(driven),
-        _dense(error),
-        np.ascontiguousarray(turns),
-        np.ascontiguousarray(strict),
-        np.ascontiguousarray(ends, dtype=np.intc),
-        out,
-        first,
-        unsure,
-    )
+    dense = map(_dense, (clearance, standing, spend, margins, driven, error))
+    which = np.ascontiguousarray(turns), np.ascontiguousarray(strict)
+    c.admissible(*dense, *which, np.ascontiguousarray(ends, dtype=np.intc), out, first, unsure)
     return out
 
 

@@ -69,23 +69,16 @@ class Outlines:
     @classmethod
     def of(cls, solids: Sequence[Polygon | Wall]) -> Outlines:
         """Outlines of polygons and walls."""
-        corners = [corners_of(s) for s in solids]
-        counts = [
-            1 if isinstance(s, Wall) else len(c) for s, c in zip(solids, corners, strict=True)
-        ]
-        edges = [np.minimum(np.arange(max(counts)), count - 1) for count in counts]
-        shape = len(solids), max(counts, default=1), 2
-        begins = np.array([c[e] for c, e in zip(corners, edges, strict=True)]).reshape(shape)
-        ends = np.array([c[(e + 1) % len(c)] for c, e in zip(corners, edges, strict=True)]).reshape(
-            shape
-        )
-        rounding = np.array([0.5 * s.thickness if isinstance(s, Wall) else 0.0 for s in solids])
-        return cls(
-            begins,
-            ends - begins,
-            rounding,
-            np.array([isinstance(s, Wall) for s in solids], dtype=bool),
-        )
+        corners = list(map(corners_of, solids))
+        is_line = np.array([isinstance(solid, Wall) for solid in solids], dtype=bool)
+        counts = np.where(is_line, 1, np.fromiter(map(len, corners), int, len(corners)))
+        begins = np.empty((len(corners), counts.max(initial=1), 2))
+        ends, rounding = np.empty_like(begins), np.zeros(len(corners))
+        for k, (solid, points) in enumerate(zip(solids, corners, strict=True)):
+            edges = np.minimum(np.arange(begins.shape[1]), counts[k] - 1)
+            begins[k], ends[k] = points[edges], points[(edges + 1) % len(points)]
+            rounding[k] = 0.5 * solid.thickness if isinstance(solid, Wall) else 0.0
+        return cls(begins, ends - begins, rounding, is_line)
 
     def take(self, chosen: Array) -> Outlines:
         """Some of the outlines."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.options import ObstacleOptions
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scan import LaserScan
@@ -27,6 +27,7 @@ PREPARED = (*SOLID, LaserScan)
 Solid = Polygon | Wall | OccupancyGrid
 Obstacle = Circle | Solid | LaserScan
 Obstacles = Sequence[Obstacle] | ArrayLike
+NO_CIRCLES = circles_to_array(())
 MOST_SCANS = MOST_GRIDS = 10
 """Laser scans, and grids, of one step."""
 
@@ -43,40 +44,26 @@ class SceneState:
     """(2,) where those that are near were looked up last."""
 
 
-def _holds_prepared(obstacles: Sequence[object]) -> bool:
-    """Whether there is anything but circles: of many, there are few kinds."""
-    return any(issubclass(kind, PREPARED) for kind in set(map(type, obstacles)))
-
-
-def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
+def too_many(circles: int, solids: Sequence[Solid], scans: int, most: ObstacleOptions) -> str:
     """Say of which obstacles a step looks at fewer than are given; nothing if it bears them.
 
     Told by their numbers alone, before any of them is looked at.
     """
-    total = len(obstacles) if isinstance(obstacles, Sized) else 0
-    solids: list[Solid] = []
-    scans = 0
-    if not total:
-        return ""
-    if not isinstance(obstacles, np.ndarray) and isinstance(obstacles, Sequence):
-        if total > most.circles + most.edges:
-            return f"{total:,} obstacles: at most {most.circles:,} circles are looked at"
-        if _holds_prepared(obstacles):
-            solids = [o for o in obstacles if isinstance(o, SOLID)]
-            scans = sum(isinstance(o, LaserScan) for o in obstacles)
-    if not solids and not scans:
-        beyond = total > most.circles
-        return f"{total:,} circles: at most {most.circles:,} are looked at" if beyond else ""
-    grids = [o for o in solids if isinstance(o, OccupancyGrid)]
-    corners = [len(o.vertices) for o in solids if isinstance(o, Polygon)]
-    walls = len(solids) - len(grids) - len(corners)
+    corners = polygons = walls = grids = cells = runs = 0
+    for solid in solids:
+        if isinstance(solid, OccupancyGrid):
+            grids, cells, runs = grids + 1, cells + solid.occupied.size, runs + solid.runs
+        elif isinstance(solid, Polygon):
+            polygons, corners = polygons + 1, max(corners, len(solid.vertices))
+        else:
+            walls += 1
     for count, allowed, what in (
-        (total - len(solids) - scans, most.circles, "circles"),
+        (circles, most.circles, "circles"),
         (scans, MOST_SCANS, "scans"),
-        (walls + len(corners) * max(corners, default=0), most.edges, "edges of polygons and walls"),
-        (len(grids), MOST_GRIDS, "grids"),
-        (sum(g.occupied.size for g in grids), most.grid_cells, "cells of grids"),
-        (sum(g.runs for g in grids), most.grid_runs, "runs of occupied cells of grids"),
+        (walls + polygons * corners, most.edges, "edges of polygons and walls"),
+        (grids, MOST_GRIDS, "grids"),
+        (cells, most.grid_cells, "cells of grids"),
+        (runs, most.grid_runs, "runs of occupied cells of grids"),
     ):
         if count > allowed:
             return f"{count:,} {what}: at most {allowed:,} are looked at"
@@ -94,43 +81,60 @@ class Scene:
         How far from the robot solids count, in units.
     lookup_distance : float
         How far the robot drives before they are looked up again, in units.
+    most : ObstacleOptions
+        How many are looked at.
     """
 
-    def __init__(self, unit: float, reach: float, lookup_distance: float) -> None:
+    def __init__(
+        self,
+        unit: float,
+        reach: float,
+        lookup_distance: float,
+        most: ObstacleOptions = USUAL_OBSTACLES,
+    ) -> None:
         self._unit, self._reach, self._lookup_distance = unit, reach, lookup_distance
+        self._most = most
         self._nearby: tuple[Solids, Array, Nearby] | None = None
 
     def sort(
         self, state: SceneState, obstacles: Obstacles
-    ) -> tuple[Array, Solids | None, tuple[LaserScan, ...]]:
-        """Circles (M, 5) and scans in metres, and solids in units if there are any.
+    ) -> tuple[str, Array, Solids | None, tuple[LaserScan, ...]]:
+        """Why they are too many; circles (M, 5) and scans in metres, and solids in units if any.
 
         Raises
         ------
         ValueError
             For what is neither circles, nor solids, nor an array of circles.
         """
-        if isinstance(obstacles, np.ndarray) or not isinstance(obstacles, Sequence):
-            return circles_to_array(cast(ArrayLike, obstacles)), None, ()
-        if not _holds_prepared(obstacles):
-            return circles_to_array(cast(ArrayLike, obstacles)), None, ()
-        others = tuple(o for o in obstacles if isinstance(o, PREPARED))
-        scans = tuple(o for o in others if isinstance(o, LaserScan))
-        solids = tuple(o for o in others if not isinstance(o, LaserScan))
-        circles = circles_to_array([o for o in obstacles if not isinstance(o, PREPARED)])
+        # an array of no dimension has no length, though it is sized
+        sized = isinstance(obstacles, Sized) and getattr(obstacles, "ndim", 1) > 0
+        most, total = self._most, len(cast(Sized, obstacles)) if sized else 0
+        circles, solids, scans = obstacles, list[Solid](), list[LaserScan]()
+        if isinstance(obstacles, Sequence) and not isinstance(obstacles, np.ndarray):
+            if total > most.circles + most.edges:
+                refusal = f"{total:,} obstacles: at most {most.circles:,} circles are looked at"
+                return refusal, NO_CIRCLES, None, ()
+            # of many, there are few kinds
+            if any(issubclass(kind, PREPARED) for kind in set(map(type, obstacles))):
+                circles = _sorted(cast(Sequence[Obstacle], obstacles), solids, scans)
+        refusal = too_many(total - len(solids) - len(scans), solids, len(scans), most)
+        if refusal:
+            return refusal, NO_CIRCLES, None, ()
+        rows = circles_to_array(cast(ArrayLike, circles))
         if not solids:
-            return circles, None, scans
+            return "", rows, None, tuple(scans)
         # sequences compare their items by identity first, which is all it takes for the same ones
-        if state.solids is None or state.given != solids:
+        given = tuple(solids)
+        if state.solids is None or state.given != given:
             # here, since most maps have none
             from kmpc_lite.control.world.solids import Solids
 
-            state.given = solids
+            state.given = given
             state.solids = Solids(
                 [o if self._unit == 1.0 else o.scaled(self._unit) for o in solids]
             )
             state.looked_from = None
-        return circles, state.solids, scans
+        return "", rows, state.solids, tuple(scans)
 
     def near(self, state: SceneState, solids: Solids | None, point: Array) -> Nearby | None:
         """Solids within reach of a point (2,), and perhaps some farther ones.
@@ -148,3 +152,18 @@ class Scene:
             within = self._reach + 2.0 * self._lookup_distance
             self._nearby = known = solids, before, solids.within(before, within)
         return known[2]
+
+
+def _sorted(
+    obstacles: Sequence[Obstacle], solids: list[Solid], scans: list[LaserScan]
+) -> list[Circle]:
+    """Put solids and scans apart, and give the others."""
+    circles = []
+    for one in obstacles:
+        if isinstance(one, LaserScan):
+            scans.append(one)
+        elif isinstance(one, SOLID):
+            solids.append(one)
+        else:
+            circles.append(one)
+    return circles

@@ -18,6 +18,7 @@ from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.outline_gaps import sharpen
 from kmpc_lite.control.world.outlines import Outlines, corners_of
 from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
 Body = tuple[Footprint, Array]
@@ -139,19 +140,21 @@ class Solids:
 
     def __init__(self, solids: Sequence[Solid]) -> None:
         self.solids = tuple(solids)
-        self.outlines = Outlines.of([s for s in solids if not isinstance(s, OccupancyGrid)])
-        rectangles = [(s, s.rectangles) for s in solids if isinstance(s, OccupancyGrid)]
-        self.boxes = [
-            Boxes(r[:, :2].copy(), r[:, 2:].copy(), grid) for grid, r in rectangles if len(r)
-        ]
+        outlines, self.boxes = list[Polygon | Wall](), list[Boxes]()
+        for solid in solids:
+            if not isinstance(solid, OccupancyGrid):
+                outlines.append(solid)
+            elif len(sides := solid.rectangles):
+                self.boxes.append(Boxes(sides[:, :2].copy(), sides[:, 2:].copy(), solid))
+        self.outlines = Outlines.of(outlines)
+        self._outline_points = list(map(corners_of, outlines))
         self.whole = Nearby(self.outlines, self.boxes)
         """All of them, for a look that is not pressed for time."""
-        edges = self.outlines.begins, self.outlines.begins + self.outlines.steps
-        ends = [
-            *(e.reshape(-1, 2) for e in edges),
-            *(b.grid.to_map(np.concatenate([b.low, b.high])) for b in self.boxes),
-        ]
-        self.extent = float(max((np.abs(e).max(initial=0.0) for e in ends), default=0.0))
+        begins = self.outlines.begins
+        self.extent = float(np.abs([begins, begins + self.outlines.steps]).max(initial=0.0))
+        for boxes in self.boxes:
+            ends = boxes.grid.to_map(np.concatenate([boxes.low, boxes.high]))
+            self.extent = max(self.extent, float(np.abs(ends).max()))
         """Largest coordinate [m]."""
 
     @property
@@ -171,14 +174,10 @@ class Solids:
             [np.empty((0, 2)), *self._outline_points, *(b.outermost for b in self.boxes)]
         )
 
-    @property
-    def _outline_points(self) -> list[Array]:
-        return [corners_of(s) for s in self.solids if not isinstance(s, OccupancyGrid)]
-
     @cached_property
     def all_corners(self) -> Corners:
         """Corners of all solids."""
-        corners = self._outline_points
+        corners = list(self._outline_points)
         for boxes in self.boxes:
             (x_min, y_min), (x_max, y_max) = boxes.low.T, boxes.high.T
             around = np.stack(

@@ -239,14 +239,15 @@ def test_the_same_solids_are_prepared_once() -> None:
     cells = np.zeros((20, 20), dtype=bool)
     cells[5, 5] = True
     first = [kl.Circle(1, 1, 0.1), kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)]
-    circles, solids, _ = scene.sort(state, first)
+    _, circles, solids, _ = scene.sort(state, first)
     assert circles.tolist() == [[1.0, 1.0, 0.1, 0.0, 0.0]] and solids is not None
     # the same objects, and equal ones, with a circle that has moved on
-    assert scene.sort(state, [kl.Circle(0.9, 1, 0.1), *first[1:]])[1] is solids
-    assert scene.sort(state, [kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)])[1] is solids
-    assert scene.sort(state, [kl.Polygon(SQUARE)])[1] is not solids
-    assert scene.sort(state, [kl.Circle(1, 1, 0.1)])[1] is None
-    assert scene.sort(state, np.empty((0, 5)))[1] is None
-    for wrong in ([None, kl.Polygon(SQUARE)], ["wall"], [(1.0, 2.0), kl.Polygon(SQUARE)]):
+    assert scene.sort(state, [kl.Circle(0.9, 1, 0.1), *first[1:]])[2] is solids
+    assert scene.sort(state, [kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)])[2] is solids
+    assert scene.sort(state, [kl.Polygon(SQUARE)])[2] is not solids
+    assert scene.sort(state, [kl.Circle(1, 1, 0.1)])[2] is None
+    assert scene.sort(state, np.empty((0, 5)))[2] is None
+    dot = np.array(5.0)
+    for wrong in ([None, kl.Polygon(SQUARE)], ["wall"], [(1.0, 2.0), kl.Polygon(SQUARE)], dot):
         with pytest.raises(ValueError):
             scene.sort(state, wrong)
