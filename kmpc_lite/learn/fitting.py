@@ -110,15 +110,18 @@ def fit(
                 "dictionary that knows no history itself"
             )
         # here, for a robot that drives needs none of it
+        from kmpc_lite.learn.checks.checklist import refuse_car_like, refuse_frozen
         from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
-        from kmpc_lite.learn.selection import fit_supported_terms
+        from kmpc_lite.learn.selection import build_model, select
 
         if ramps:
             found = find_ramps(dataset)
             seen = let_through(dataset, found)
             model = fit(seen, lifting, method, 0.0, noise, True, lags, False)
             return with_ramps(model, dataset, found)
-        model = fit_supported_terms(dataset, lifting, ages=ages, whole=whole)
+        refuse_frozen(dataset)
+        refuse_car_like(dataset)
+        model = build_model(select(dataset, None, ages, whole), lifting, dataset.dt)
         return with_noise(model, dataset) if noise else model
     return _fit_once(dataset, by_age or lifting, method, ridge, noise, symmetric)
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.checklist import refuse_car_like, refuse_frozen
 from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import (
@@ -31,14 +30,14 @@ from kmpc_lite.learn.directions import (
     choose_response,
     refine,
 )
-from kmpc_lite.learn.least_squares import require_trigonometry, symmetric_generator
+from kmpc_lite.learn.least_squares import symmetric_generator
 from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
 from kmpc_lite.learn.windows import Rows, Windows, cut, largest_speeds, nominal_rows
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.dictionary.response import ResponseDictionary
 from kmpc_lite.model.dictionary.terms import terms_of
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import STATES, Array
+from kmpc_lite.types import INPUTS, STATES, Array
 
 CAR_OPTIONS = SelectionOptions(significance=0.01)
 """Motor and servo of a car lag, and few blocks of its log show how much: as with ramps, what is
@@ -96,8 +95,13 @@ def select(
     Raises
     ------
     DataError
-        For ages that a log is too short for.
+        For ages that a log is too short for, or an omni's.
     """
+    if ages and dataset.commands > INPUTS:
+        raise DataError(
+            "lags: how much of past commands acts is found of a speed and a turn rate; an omni's "
+            "lag is found by itself (lags='auto')"
+        )
     if options is None:
         options = CAR_OPTIONS if dataset.steered else SelectionOptions()
     windows, limits = cut_for(dataset, options, ages), largest_speeds(dataset)
@@ -185,32 +189,6 @@ def _fit_rows(
         condition = float(np.sqrt(np.linalg.cond(matrix / np.outer(scale, scale))))
     ahead, aside = np.split(position.solve(every, across), 2)
     return Rows(ahead, aside, search.row(HEADING).solve(every, heading)), condition
-
-
-def fit_supported_terms(
-    dataset: Dataset,
-    base: Dictionary,
-    options: SelectionOptions | None = None,
-    ages: Sequence[int] = (),
-    whole: Dataset | None = None,
-) -> KoopmanModel:
-    """Learn the terms that a log supports; where it supports none, the nominal unicycle.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        What is learned from.
-    base : Dictionary
-        How the pose is lifted; holds 1, cos(theta) and sin(theta).
-    options : SelectionOptions, optional
-        How the choice is made.
-    ages : sequence of int
-        Of the commands that act [periods], where that is no choice.
-    """
-    require_trigonometry(base)
-    refuse_frozen(dataset)
-    refuse_car_like(dataset)
-    return build_model(select(dataset, options, ages, whole), base, dataset.dt)
 
 
 def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:

@@ -137,3 +137,11 @@ def test_a_log_that_is_too_short_for_them_is_refused_with_what_they_need() -> No
     short = kl.Dataset(answering_log().windows(1.5).episodes)
     with pytest.raises(kl.DataError, match=r"pieces of driving longer than 1\.8 s .* got 0"):
         kl.fit(short, TRIG, lags=(0, 8))
+
+
+def test_an_omni_is_told_that_its_lag_is_found_by_itself() -> None:
+    random = np.random.default_rng(2)
+    poses = np.cumsum(random.normal(size=(301, 3)), axis=0) * 0.05
+    log = kl.Dataset([kl.Episode(poses, random.normal(size=(300, 3)), DT)])
+    with pytest.raises(kl.DataError, match="an omni's lag is found by itself"):
+        kl.fit(log, kl.HermiteTrigDictionary(0, commands=3), lags=(0, 1))
