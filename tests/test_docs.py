@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib
 import json
 import os
 import re
@@ -16,7 +15,6 @@ from typing import Any
 import pytest
 from pages import (
     DOCS,
-    LONG,
     PAGES,
     ROOT,
     all_commands,
@@ -51,21 +49,6 @@ WITH_PROGRAMS = [page for page in PAGES if blocks(read(page), "python", "sh")]
 def parse(words: list[str]) -> Any:
     """Parse a command line; the parser raises, and the test fails, where it is none."""
     return build_parser(known_commands(), words[1:]).parse_args(words[1:])
-
-
-def test_blocks_are_found_with_their_marks() -> None:
-    text = (
-        f"# a\n```python\nx = 1\n```\n\n{LONG}\n\n```sh\n$ kmpc study table1   # all "
-        "night\nkmpc fit a.csv \\\n  -o b.npz\nls\n```\n"
-    )
-    (python,) = blocks(text, "python")
-    (shell,) = blocks(text, "sh")
-    assert (python.text, python.line, python.long) == ("x = 1\n", 2, False)
-    assert shell.long
-    assert command_lines(shell.text) == [
-        ["kmpc", "study", "table1"],
-        ["kmpc", "fit", "a.csv", "-o", "b.npz"],
-    ]
 
 
 def test_the_readme_is_short() -> None:
@@ -148,17 +131,6 @@ def test_every_page_is_in_the_sites_navigation() -> None:
     assert not missing, f"add a line under `nav` in mkdocs.yml for each of {missing}"
 
 
-def test_sections_between_marks_become_tabs_of_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(DOCS / "_site"))
-    site = importlib.import_module("hooks").on_page_markdown
-    page = "# P\n\n<!-- tabs -->\n\n## A\n\none\n\n## B 2\n\ntwo\n\n<!-- /tabs -->\n\n## C\n"
-    assert re.findall(r"^/// tab \| (.*)\n\n(\w+)\n\n///$", site(page), re.M) == [
-        ("A", "one"),
-        ("B 2", "two"),
-    ]
-    assert re.findall(r"^## (\w+)$", site(page), re.M) == ["C"]
-
-
 def test_the_api_reference_documents_the_public_names_and_no_others() -> None:
     documented = re.findall(r"^::: (\w+\.\w+)$", read(DOCS / "reference" / "api.md"), re.M)
     public = [f"{package.__name__}.{name}" for package in (kl, lab) for name in package.__all__]
@@ -205,10 +177,6 @@ def test_what_the_readme_says_of_the_package_is_what_the_package_says() -> None:
     assert f"\n## [{heading}]" in read(ROOT / "CHANGELOG.md")
 
 
-def test_the_film_of_the_readme_is_small() -> None:
-    assert (DOCS / "drive.gif").stat().st_size < 1e6
-
-
 @pytest.mark.parametrize(
     "example",
     [
@@ -234,23 +202,6 @@ def test_examples_run_and_end_in_a_number_or_a_picture(example: Path, tmp_path: 
     assert (compile(example.read_text(), str(example), "exec").co_consts[0] or "").strip(), (
         "an example begins with what it shows"
     )
-
-
-def test_the_comparison_without_casadi_says_so_and_ends_well(tmp_path: Path) -> None:
-    example = str(ROOT / "examples" / "compare_with_ipopt.py")
-    code = (
-        f"import sys, runpy; sys.modules['casadi'] = None; runpy.run_path({example!r}, "
-        "run_name='__main__')"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    assert "pip install" in done.stdout and done.stderr == ""
 
 
 def test_what_examples_import_of_the_project_is_public() -> None:

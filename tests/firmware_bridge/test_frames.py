@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.frames import enu_to_ned, forward_speed, ned_to_enu, wrap
+from firmware_bridge.frames import enu_to_ned, forward_speed, ned_to_enu
 
 metres = st.floats(-1e5, 1e5)
 angles = st.floats(-50.0, 50.0)
@@ -44,15 +44,3 @@ def test_the_nose_points_the_same_way_in_both(theta: float, speed: float) -> Non
     north, east, yaw = enu_to_ned(x, y, theta)
     assert (north, east) == pytest.approx((speed * math.cos(yaw), speed * math.sin(yaw)), abs=1e-9)
     assert forward_speed(north, east, yaw) == pytest.approx(speed, abs=1e-9)
-
-
-@given(angles, st.floats(-3.0, 3.0))
-def test_a_turn_to_the_left_is_negative_in_ned(theta: float, omega: float) -> None:
-    before, after = enu_to_ned(0.0, 0.0, theta)[2], enu_to_ned(0.0, 0.0, theta + 0.01 * omega)[2]
-    assert wrap(after - before) == pytest.approx(-0.01 * omega, abs=1e-9)
-
-
-@given(st.floats(-1e6, 1e6))
-def test_wrap(angle: float) -> None:
-    assert -math.pi < wrap(angle) <= math.pi
-    assert math.cos(wrap(angle) - angle) == pytest.approx(1.0)

@@ -42,25 +42,12 @@ def test_wheels_are_within_the_limit_at_the_same_curvature(geometry, v, omega):
         assert (v_out, omega_out) == pytest.approx((v, omega), abs=1e-9)
 
 
-@given(finite, finite)
-def test_any_finite_command_gives_finite_wheels_within_the_limit(v, omega):
-    left, right = ROSBOT.wheels(v, omega)
-    assert max(abs(left), abs(right)) * ROSBOT.wheel_radius <= 0.9 * (1 + 1e-12)
-
-
 @pytest.mark.parametrize(
     "command", [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)]
 )
 def test_non_finite_commands_are_refused(command):
     with pytest.raises(ValueError, match="expected finite speeds"):
         ROSBOT.wheels(*command)
-
-
-@given(geometries, speeds, speeds)
-def test_channels_and_back(geometry, left, right):
-    assert geometry.from_channels(*geometry.to_channels(left, right)) == pytest.approx(
-        (left, right), abs=1e-9
-    )
 
 
 def test_mirror_symmetry():
@@ -84,11 +71,6 @@ def test_signs_and_order_of_the_channels():
         swap=True,
     )
     assert odd.to_channels(math.tau, 2 * math.tau) == pytest.approx((6.0, -3.0))
-
-
-@given(st.integers(-(2**31), 2**31 - 1), st.integers(-100_000, 100_000))
-def test_counters_wrap(count, step):
-    assert wrapped(((count + step + 2**31) % 2**32 - 2**31) - count) == step
 
 
 @pytest.mark.parametrize("start", [0, 2**31 - 5, -(2**31) + 5])
@@ -152,15 +134,6 @@ def test_counters_that_come_back_to_zero_after_a_gap_are_no_way_back(gap, v):
     assert odometry.x - x == pytest.approx(v * min(gap, 0.5) / 2)  # by its speeds before and after
 
 
-def test_one_counter_that_was_read_after_the_reset_is_no_turn():
-    per_metre = 1000.0 / (math.tau * 0.0425)
-    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
-    speeds = ROSBOT.to_channels(*ROSBOT.wheels(0.3, 0.0))
-    assert odometry.update((0.07 * per_metre, 0.07 * per_metre), 0.0, speeds)
-    assert not odometry.update((0.112 * per_metre, 0.009 * per_metre), 0.13, speeds)
-    assert odometry.theta == 0.0
-
-
 @pytest.mark.parametrize("gap", [0.02, 0.06, 0.15, 0.4])
 @pytest.mark.parametrize("start", [-0.1, 0.1, 0.2])
 def test_a_robot_that_drives_across_zero_and_back_is_believed(gap, start):
@@ -174,15 +147,6 @@ def test_a_robot_that_drives_across_zero_and_back_is_believed(gap, start):
     assert odometry.x == pytest.approx(way, abs=1e-9) and odometry.beginnings == 0
 
 
-def test_rebase_keeps_the_pose():
-    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
-    odometry.update((0, 0), 0.0)
-    odometry.update((100, 100), 0.1)
-    x = odometry.x
-    odometry.rebase()
-    assert odometry.update((-70_000, 12), 0.2) and odometry.x == x > 0.0
-
-
 GOOD = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1}
 
 
@@ -190,14 +154,11 @@ GOOD = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1}
     ("change", "message"),
     [
         ({"wheel_radius": -0.05}, "geometry.wheel_radius: expected 0.001 to 10 m, got -0.05"),
-        ({"wheel_radius": float("nan")}, "geometry.wheel_radius: expected"),
         (
             {"wheel_radius": 5},
             "geometry.wheel_radius: expected at most the track of 0.3 m, got 5 m",
         ),
-        ({"track": "wide"}, "geometry.track: expected float, got 'wide'"),
         ({"track": True}, "geometry.track: expected float, got True"),
-        ({"invert_left": 1}, "geometry.invert_left: expected bool, got 1"),
         (
             {"wheels": 4},
             "geometry.wheels: unknown key; [geometry] takes wheel_radius, max_wheel_speed",

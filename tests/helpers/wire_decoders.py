@@ -30,16 +30,6 @@ def x25(data: bytes) -> int:
     return crc
 
 
-def xmodem(data: bytes) -> int:
-    """CRC-16/XMODEM bit by bit, as RoboClaw and VESC want it."""
-    crc = 0
-    for byte in data:
-        crc ^= byte << 8
-        for _ in range(8):
-            crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
-    return crc
-
-
 class MavlinkEar:
     """Finds every whole MAVLink 2 frame of the kinds above in a stream, wherever it begins."""
 
@@ -111,47 +101,3 @@ def armed_in_guided(payload: bytes) -> bool:
     """Whether a HEARTBEAT says so."""
     custom_mode, _, _, base_mode = struct.unpack("<IBBB", payload[:7])
     return custom_mode == 15 and bool(base_mode & 128)
-
-
-def roboclaw_speeds(frame: bytes) -> tuple[int, int] | None:
-    """Quadrature pulses per second of M1 and M2 of command 37.
-
-    None for other commands; the CRC must be right.
-    """
-    if frame[1] != 37:
-        return None
-    assert xmodem(frame[:-2]) == int.from_bytes(frame[-2:], "big") and len(frame) == 12
-    return struct.unpack(">ii", frame[2:10])
-
-
-def vesc_erpm(data: bytes) -> dict[bool, int]:
-    """ERPM by whether it goes on to the second VESC, of the packets in one write."""
-    told = {}
-    while data:
-        size = data[1]
-        packet, data = data[: size + 5], data[size + 5 :]
-        assert packet[0] == 2 and packet[-1] == 3 and len(packet) == size + 5
-        payload = packet[2:-3]
-        assert xmodem(payload) == int.from_bytes(packet[-3:-1], "big")
-        forwarded = payload[0] == 34
-        payload = payload[2:] if forwarded else payload
-        if payload[0] == 8:
-            told[forwarded] = struct.unpack(">i", payload[1:5])[0]
-    return told
-
-
-def odrive_speeds(data: bytes) -> dict[int, float]:
-    """Turns per second by axis, of the `v` lines in one write; each checksum must be right."""
-    told = {}
-    assert data.endswith(b"\n")
-    for line in data.splitlines():
-        text, star, check = line.partition(b"*")
-        if star:
-            xor = 0
-            for byte in text:
-                xor ^= byte
-            assert xor == int(check)
-        words = text.split()
-        if words[:1] == [b"v"]:
-            told[int(words[1])] = float(words[2])
-    return told

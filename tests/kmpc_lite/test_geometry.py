@@ -10,12 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kmpc_lite.geometry import (
-    clearances,
     exact_arc,
     heading_near,
     nearest_turn,
     rotate,
-    seen_along,
     wrap,
 )
 
@@ -28,11 +26,6 @@ def test_a_wrapped_angle_lies_in_its_interval_and_points_the_same_way(angle: flo
     assert -math.pi <= wrapped < math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
-
-
-def test_an_angle_that_is_not_finite_stays_none() -> None:
-    assert math.isnan(wrap(math.nan))
-    assert np.isnan(wrap(np.array([0.0, math.nan]))).tolist() == [False, True]
 
 
 @given(ANGLES)
@@ -58,14 +51,6 @@ def test_rotation_keeps_lengths_and_turns_counter_clockwise() -> None:
     assert (x[0], y[0]) == pytest.approx(rotate(3.0, 4.0, 0.7))
 
 
-def test_what_is_seen_along_a_heading_is_turned_back_by_rotation() -> None:
-    differences, headings = np.random.default_rng(0).normal(size=(5, 4, 3)), np.full((5, 4), 2.5)
-    seen = seen_along(differences, headings)
-    np.testing.assert_array_equal(seen[..., 2], differences[..., 2])
-    back = np.stack(rotate(seen[..., 0], seen[..., 1], headings), axis=-1)
-    np.testing.assert_allclose(back, differences[..., :2], atol=1e-12)
-
-
 @pytest.mark.parametrize("omega", [0.0, 1e-12, -0.8, 3.0])
 @pytest.mark.parametrize("left", [0.0, -0.2])
 def test_an_arc_is_where_many_small_steps_end(omega: float, left: float) -> None:
@@ -77,10 +62,3 @@ def test_an_arc_is_where_many_small_steps_end(omega: float, left: float) -> None
         y += (0.5 * math.sin(heading) + left * math.cos(heading)) / steps
         theta += omega / steps
     assert exact_arc((0.3, -0.2, 1.1), 0.5, omega, 1.0, left) == pytest.approx((x, y, theta))
-
-
-def test_distances_to_circles_are_to_their_edges_and_negative_inside() -> None:
-    circles = np.array([[0.0, 0.0, 1.0, 0.3, 0.0], [3.0, 4.0, 0.5, 0.0, 0.0]])
-    points = np.array([[[3.0, 4.0, 2.0]], [[0.0, 0.0, 0.0]]])
-    np.testing.assert_allclose(clearances(points, circles), [[[4.0, -0.5]], [[-1.0, 4.5]]])
-    assert clearances(points, circles[:0]).shape == (2, 1, 0)

@@ -1,6 +1,5 @@
 """What `kmpc run` makes of a robot file, a map and a model: the controller within the limits."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from firmware_bridge.cli.course import (
     base_problem,
     build_controller,
     course,
-    goal_tolerance,
     load_model,
 )
 from firmware_bridge.messages import STILL
@@ -41,31 +39,6 @@ def test_a_learned_model_is_adapted_while_driving_and_the_nominal_one_is_not(tmp
     assert built({}).adaptation is None
 
 
-@pytest.mark.parametrize(
-    ("arrived", "radius", "near"),
-    [
-        ((0.05, 0.15), 0.15, (0.035, 0.105)),
-        # a large robot parks as near as it can without being asked to, and no farther
-        ((0.05, 0.15), 0.45, (0.045, 0.105)),
-        ((0.05, 0.15), 0.52, (0.05, 0.105)),
-        # asked to, as near as that
-        ((0.01, 0.04), 0.15, (0.01, 0.04)),
-    ],
-)
-def test_the_robot_stays_within_what_counts_as_arrived(arrived, radius, near):
-    from kmpc_lite.scenario.files import Scenario
-
-    made = replace(
-        Scenario.load("mehrez"), tolerance=arrived[0], heading_tolerance=arrived[1], radius=radius
-    )
-    np.testing.assert_allclose(goal_tolerance(made), near)
-    robot = load_robot(
-        ROBOTS / "roboclaw.toml", {"link": {"driver": "roboclaw", "url": "pty:link"}}
-    )
-    problem = build_controller(robot, made, kl.nominal_unicycle(0.1)).problem
-    np.testing.assert_allclose(problem.goal_tolerance, near)
-
-
 def test_the_controller_knows_the_ramps_of_the_gate():
     robot = load_robot(
         ROBOTS / "roboclaw.toml", {"link": {"driver": "roboclaw", "url": "pty:link"}}
@@ -89,7 +62,7 @@ def test_the_controller_knows_the_ramps_of_the_gate():
         ("vesc", None, 0.1, 0.1),
     ],
 )
-def test_a_model_without_lags_gets_a_latency_that_suits_the_driver_and_the_user_is_told(
+def test_a_model_without_lags_gets_a_latency_that_suits_the_driver_and_the_user_is_reported(
     desk, name, model, given, expected
 ):
     control = {"scenario": "course.toml", "latency": given}

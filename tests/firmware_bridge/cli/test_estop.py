@@ -91,20 +91,3 @@ def test_a_bridge_that_does_not_answer_is_stopped_by_its_latch_and_not_reset(mon
     assert "no answer" in capsys.readouterr().out
     assert main(["estop", "--reset"]) == 1 and is_latched(path)
     busy.close()
-
-
-def test_the_file_that_socket_names_survives(capsys):
-    Path("notes.txt").write_text("mine")
-    robot_file("notes.txt")
-    assert main(["run", "robot.toml", "--scenario", "four_circles_1"]) == 2
-    assert "notes.txt: expected a socket or nothing" in capsys.readouterr().err
-    assert Path("notes.txt").read_text() == "mine"
-
-
-def test_a_second_bridge_is_told_in_one_line(capsys):
-    robot_file("own.sock")
-    with bridge("own.sock"):
-        assert main(["run", "robot.toml", "--scenario", "four_circles_1"]) == 2
-        told = capsys.readouterr().err
-        assert "another bridge is running: one robot has one" in told and told.count("\n") == 1
-        assert main(["estop", "robot.toml", "--status"]) == 0

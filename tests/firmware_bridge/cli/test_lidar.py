@@ -61,7 +61,7 @@ def check(path, capsys, *more):
     return status, [(f["ok"], f["text"]) for f in json.loads(capsys.readouterr().out)["findings"]]
 
 
-def test_check_tells_what_is_seen_and_what_looks_wrong(file, capsys):
+def test_check_reports_what_is_seen_and_what_looks_wrong(file, capsys):
     path, lamp = file
     status, found = check(path, capsys)
     lines = [text for _, text in found]
@@ -77,7 +77,7 @@ def test_check_tells_what_is_seen_and_what_looks_wrong(file, capsys):
     assert any(not ok and "covered" in text or "no turn" in text for ok, text in found)
 
 
-def test_check_tells_of_a_lidar_that_is_none(file, capsys):
+def test_check_reports_a_lidar_that_is_none(file, capsys):
     path, lamp = file
     status, found = check(path, capsys, "--lidar", "rplidar")
     assert status == 1 and any("no packet" in t or "no byte" in t for ok, t in found if not ok)
@@ -138,13 +138,6 @@ def test_emulate_says_what_a_lidar_needs(tmp_path, capsys, more, words):
     assert words in capsys.readouterr().err
 
 
-def test_emulate_without_a_lidar_in_the_file_says_so(tmp_path, capsys):
-    path = tmp_path / "robot.toml"
-    path.write_text(ROBOT.format(folder=tmp_path))
-    assert main(["emulate", str(path), "--lidar", "--scenario", "four_circles_1"]) == 2
-    assert "the robot has no [lidar]: give --lidar NAME" in capsys.readouterr().err
-
-
 def test_options_reach_the_robot():
     parser = argparse.ArgumentParser()
     add_robot_options(parser)
@@ -162,8 +155,3 @@ def test_by_sight_needs_eyes(capsys):
     words = ["run", "--driver", "mavlink", "--link", "tcp:127.0.0.1:1"]
     assert main([*words, "--scenario", "four_circles_1", "--by-sight"]) == 2
     assert "control.map: false needs a [lidar]" in capsys.readouterr().err
-
-
-def test_a_demo_without_a_rover_has_no_lidar(capsys):
-    assert main(["demo", "--robot", "simulated", "--lidar"]) == 2
-    assert "only the emulated rover carries one" in capsys.readouterr().err

@@ -24,7 +24,9 @@ def exported(folder, **problem):
     return str(kl.export(kl.nominal_unicycle(0.1), kl.NavigationProblem(**problem), folder))
 
 
-def test_a_board_that_runs_the_export_is_told_from_one_that_does_not(board, tmp_path, capsys):
+def test_a_board_that_runs_the_export_is_distinguished_from_one_that_does_not(
+    board, tmp_path, capsys
+):
     ask = ["onboard", LINK, "--timeout", "30"]
     assert main([*ask, "--export", exported(tmp_path / "same")]) == 0
     told = capsys.readouterr().out
@@ -36,7 +38,7 @@ def test_a_board_that_runs_the_export_is_told_from_one_that_does_not(board, tmp_
     assert main(ask) == 0 and "20 stages" in capsys.readouterr().out
 
 
-def test_a_silent_line_and_a_folder_without_an_export_are_told(desk, tmp_path, capsys):
+def test_a_silent_line_and_a_folder_without_an_export_are_reported(desk, tmp_path, capsys):
     assert main(["onboard", "tcp:127.0.0.1:1", "--timeout", "0.3"]) == 2
     assert "nothing listens there" in capsys.readouterr().err
     assert main(["onboard", LINK, "--export", str(tmp_path)]) == 2

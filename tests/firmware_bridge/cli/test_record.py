@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import time
 from pathlib import Path
 
 import pytest
@@ -12,37 +11,6 @@ from waiting import until
 
 import kmpc_lite as kl
 from kmpc_lite.cli.main import main
-
-
-def test_record_at_random_stays_inside_and_can_be_learned_from(desk, capsys):
-    with emulated("roboclaw") as board:
-        fence = ["--geofence", "-1.3", "-1.3", "1.3", "1.3"]
-        outside = []
-        with meanwhile(
-            lambda: outside.extend(p for p in watch(board, 4.5) if max(abs(p[0]), abs(p[1])) > 1.3)
-        ):
-            command = [
-                "record",
-                *robot_options("roboclaw"),
-                *"--excite --seconds 3 --hold 0.3 --output drive --json".split(),
-                *fence,
-            ]
-            assert main(command) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert outside == [] and report["rows"] > 25 and report["problems"] == []
-    assert report["outcome"] == "recorded" and not report["coverage"]["complete"]
-    assert 0.0 < report["coverage"]["parts"]["length"] < 0.1
-    assert any(line.startswith("reverse: ") for line in report["coverage"]["missing"])
-    data = kl.Dataset.load("drive.csv")
-    assert data.dt == pytest.approx(0.1) and data.steps > 25
-
-
-def watch(board, seconds: float) -> list[tuple[float, float, float]]:
-    poses, until = [], time.monotonic() + seconds
-    while time.monotonic() < until:
-        poses.append(board.pose)
-        time.sleep(0.02)
-    return poses
 
 
 def test_record_by_hand_sends_nothing_and_its_tlog_gives_the_same_csv(desk, capsys):

@@ -12,7 +12,7 @@ from firmware_bridge.messages import LinkError
 from kmpc_lite.cli.main import main
 
 
-def test_replay_serves_a_log_to_whoever_listens(desk, capsys):
+def test_replay_serves_a_log_to_any_listener(desk, capsys):
     from firmware_bridge.recording.link_log import Chunk, raw_log
 
     log = raw_log(Path("a.raw"))
@@ -41,7 +41,7 @@ def test_replay_serves_a_log_to_whoever_listens(desk, capsys):
     assert main(["replay", "a.raw", "--csv", "x.csv"]) == 2
 
 
-def test_a_csv_that_a_power_cut_tore_is_told_and_mended(desk, capsys):
+def test_a_csv_that_a_power_cut_tore_is_reported_and_mended(desk, capsys):
     rows = b"".join(b"%.6f,0.1,0.2,0.3,0.4,0.5\n" % (0.1 * k) for k in range(20))
     (desk / "drive.csv").write_bytes(
         b"t,x,y,theta,v,omega\n" + rows + b"2.000000,0.1,0.2,0.3,0.4,0."

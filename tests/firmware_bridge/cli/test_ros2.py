@@ -28,7 +28,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("line", "told"), WRONG.items())
-def test_what_is_wrong_is_told_in_one_line(
+def test_what_is_wrong_is_reported_in_one_line(
     line: str, told: str, capsys: pytest.CaptureFixture[str], tmp_path
 ) -> None:
     pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
@@ -48,7 +48,7 @@ def test_without_the_extra_it_says_what_to_install(
     assert "pip install 'kmpc-lite[ros2]'" in capsys.readouterr().err
 
 
-def test_a_lidar_of_its_own_is_refused_where_topics_tell_of_scans(
+def test_a_lidar_of_its_own_is_refused_where_topics_report_of_scans(
     capsys: pytest.CaptureFixture[str], tmp_path
 ) -> None:
     pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")

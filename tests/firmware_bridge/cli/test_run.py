@@ -101,7 +101,7 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
         assert replayed["bytes_in"] > 1000 and replayed["bytes_out"] > 1000
 
 
-def test_a_pilot_who_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, capsys):
+def test_a_pilot_that_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, capsys):
     seen = {}
     with emulated("rover") as rover:
 
@@ -123,7 +123,7 @@ def test_a_pilot_who_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, 
     assert [c["to"] for c in report["loop"]["changes"]][2:5] == ["YIELDED", "WAITING", "ACTIVE"]
 
 
-def test_run_drives_a_route_without_a_scenario_and_tells_each_goal(desk, capsys):
+def test_run_drives_a_route_without_a_scenario_and_reports_each_goal(desk, capsys):
     options = [*robot_options("roboclaw"), "--v-max", "0.5", "--omega-max", "1.5"]
     options += ["--settle", "0.3", "--goal", "0.4", "0", "0", "--goal", "0.4", "0.2", "90deg"]
     with emulated("roboclaw") as robot:

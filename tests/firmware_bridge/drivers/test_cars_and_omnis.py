@@ -1,18 +1,13 @@
 """Cars and omnis on motor boards: what is sent, how they move, faults, and whole drives."""
 
-import json
 import math
 import struct
-import tomllib
 
-import numpy as np
 import pytest
 from boards import DRIVERS, EMULATORS, Spy
-from courses import PATIENT
 from waiting import until
 
-import kmpc_lite as kl
-from firmware_bridge.drivers.pair import PairDriver, halves
+from firmware_bridge.drivers.pair import PairDriver
 from firmware_bridge.drivers.vesc import SET_SERVO_POS
 from firmware_bridge.link import open_transport
 from firmware_bridge.link.framing import VescPackets
@@ -21,7 +16,6 @@ from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
 from kmpc_lab.emulator.build import build_emulator
 from kmpc_lab.emulator.pair import PairEmulator
-from kmpc_lite.cli.main import main
 
 SIZES = {"wheel_radius": 0.05, "max_wheel_speed": 1.0}
 CAR = {**SIZES, "wheelbase": 0.26, "steering_angle": 0.5}
@@ -45,9 +39,6 @@ ROBOTS = {
     "roboteq pair": ("roboteq", "omni", MECANUM, COUNTS),
     "vesc pair": ("vesc", "omni", MECANUM, {"pole_pairs": 7, "can_id": 5}),
 }
-
-
-TIGHT = {"kind": "car", "turning_radius": 1.0}
 
 
 def sections(name):
@@ -161,7 +152,7 @@ def loopback(tmp_path):
     return f"pty:{tmp_path}/link"
 
 
-def test_a_fault_of_one_board_of_a_pair_is_told_and_a_silent_one_fails_to_connect(robot):
+def test_a_fault_of_one_board_of_a_pair_is_reported_and_a_silent_one_fails_to_connect(robot):
     driver, emulator = robot("roboclaw pair")
     assert isinstance(driver, PairDriver) and isinstance(emulator, PairEmulator)
     emulator.boards[1].status = 0x0001
@@ -185,7 +176,6 @@ def test_a_fault_of_one_board_of_a_pair_is_told_and_a_silent_one_fails_to_connec
         ("vesc car", {"geometry": {"wheelbase": None}}, "robot.wheels.turning_radius: missing"),
         ("arduino mecanum", {"geometry": {"track": None}}, "expected track and wheelbase of mec"),
         ("arduino mecanum", {"geometry": {"invert": [5]}}, "geometry.invert: expected numbers"),
-        ("odrive pair", {"robot": {"wheels": TIGHT}}, "robot.wheels: car: the driver for ODrive"),
     ],
 )
 def test_what_does_not_fit_together_is_refused_in_one_line(name, change, words):
@@ -210,66 +200,4 @@ def test_a_sketch_of_other_wheels_is_refused(tmp_path):
     driver = DRIVERS["arduino"].from_options(open_transport(url), table)
     with pytest.raises(LinkError, match="2 motors and 0 servos, expected 4 and 0: KMPC_MOTORS"):
         driver.connect(1.0)
-    emulator.close()
-
-
-def test_halves_of_a_pair_have_the_signs_of_their_motors():
-    front, rear = halves({"wheels": "omni", "geometry": MECANUM, "board": {}})
-    for half in (front, rear):
-        assert half["geometry"]["invert_right"] and not half["geometry"]["invert_left"]
-
-
-COURSE = """
-[map]
-bounds = [-2.2, -2.2, 2.2, 2.2]
-circles = [[0.0, 0.0, 0.2]]
-[robot]
-radius = 0.15
-start = [-1.2, 0.1, 0.0]
-goal = [1.2, 0.0, 0.0]
-"""
-
-
-def written(told) -> str:
-    """TOML of sections."""
-
-    def value(content):
-        if isinstance(content, dict):
-            return "{" + ", ".join(f"{k} = {value(v)}" for k, v in content.items()) + "}"
-        return json.dumps(content)
-
-    return "\n".join(
-        "\n".join((f"[{section}]", *(f"{k} = {value(v)}" for k, v in keys.items())))
-        for section, keys in told.items()
-    )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["vesc car", "arduino car", "arduino three", "odrive pair"])
-def test_what_was_recorded_through_the_board_drives_past_an_obstacle(desk, capsys, name):
-    told = sections(name)
-    told["robot"] = {"wheels": {"kind": told["robot"]["wheels"]}}
-    told["safety"] = {"geofence": [-2.5, -2.5, 2.5, 2.5]}
-    (desk / "robot.toml").write_text(written(told))
-    assert tomllib.loads((desk / "robot.toml").read_text()) == told
-    (desk / "course.toml").write_text(COURSE)
-    robot = load_robot("robot.toml")
-
-    def emulated(start):
-        emulator = build_emulator(robot, start, 0.02, 1.0, 0, 0.1)
-        emulator.start("pty:link")
-        return emulator
-
-    emulator = emulated((0.0, 0.0, 0.0))
-    words = ["--excite", "--seconds", "60", "--output", "log", *PATIENT]
-    assert main(["record", "robot.toml", *words]) == 0
-    emulator.close()
-    assert main(["fit", "log.csv", "--output", "robot.npz"]) == 0
-    assert kl.KoopmanModel.load("robot.npz").inputs == (3 if ROBOTS[name][1] == "omni" else 2)
-    emulator = emulated((-1.2, 0.1, 0.0))
-    words = ["--scenario", "course.toml", "--settle", "0.5", "--seconds", "90", *PATIENT]
-    assert main(["run", "robot.toml", "--model", "robot.npz", "--json", *words]) == 0
-    report = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert report["arrived"] and not report["touched"]
-    assert np.hypot(emulator.pose[0] - 1.2, emulator.pose[1]) < 0.3
     emulator.close()

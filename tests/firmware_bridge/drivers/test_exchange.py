@@ -36,7 +36,7 @@ def test_replies_that_come_late_are_our_own(
     assert not exchange.strangers(5.1)
 
 
-def test_replies_that_nobody_asked_for_are_anothers(
+def test_replies_without_a_question_belong_to_another_program(
     exchange: Exchange, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("time.monotonic", lambda: 5.0)
@@ -47,14 +47,3 @@ def test_replies_that_nobody_asked_for_are_anothers(
     assert not exchange.strangers(5.2), "one of them may be ours"
     exchange.deliver("counters", b"?", 5.2)
     assert exchange.strangers(5.2) and not exchange.strangers(6.2)
-
-
-def test_a_question_given_up_long_ago_excuses_no_reply(
-    exchange: Exchange, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("time.monotonic", lambda: 5.0)
-    for _ in range(STRANGERS):
-        give_up(exchange)
-    for _ in range(STRANGERS):
-        exchange.deliver("counters", b"?", 9.0)
-    assert exchange.strangers(9.0)

@@ -18,7 +18,6 @@ from free_port import free_port
 from mavlink_rig import dialect, set_point_frame
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
-from kmpc_lab.emulator.rover.parameters import DEFAULTS
 from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 WAIT = 30.0
@@ -99,49 +98,6 @@ class Client:
 def needs(module: str, package: str) -> None:
     if importlib.util.find_spec(module) is None:
         pytest.skip(f"{package} is not installed: pip install {package}")
-
-
-@pytest.mark.long
-def test_mavproxy(rover: Listening, tmp_path: Path) -> None:
-    """Over a pseudo-terminal, as over a serial port."""
-    needs("MAVProxy", "mavproxy")
-    port = tmp_path / "rover"
-    rover.start(f"pty:{port}")
-    script = Path(sys.executable).parent / "mavproxy.py"
-    modules = "--default-modules=cmdlong,mode,arm,param,rc"
-    client = Client(
-        sys.executable,
-        "-u",
-        str(script),
-        f"--master={port}",
-        f"--state-basedir={tmp_path}",
-        modules,
-        home=tmp_path,
-    )
-    try:
-        wait(lambda: client.said("online system 1"), client.story)
-        wait(lambda: client.said(f"Received {len(DEFAULTS)} parameters"), client.story)
-        client.say("mode GUIDED")
-        wait(lambda: client.said("Mode GUIDED") and rover.mode == "GUIDED", client.story)
-        client.say("arm throttle")
-        wait(lambda: client.said("ARMED") and rover.armed, client.story)
-        for _ in range(4):
-            client.say("velocity 0.5 0 0")
-            time.sleep(0.4)
-        wait(lambda: rover.velocity[0] > 0.45, client.story)
-        assert abs(rover.pose[2]) < 1e-3
-        client.say("velocity 0.3 0.3 0")
-        wait(lambda: rover.pose[2] == pytest.approx(-math.pi / 4, abs=0.05), client.story)
-        client.say("mode HOLD")
-        wait(lambda: rover.mode == "HOLD" and rover.stopped, client.story)
-        client.say("disarm")
-        wait(lambda: client.said("DISARMED") and not rover.armed, client.story)
-        client.say("param set WP_SPEED 0.4")
-        wait(lambda: rover.parameters["WP_SPEED"] == pytest.approx(0.4), client.story)
-    finally:
-        client.close()
-    assert rover.counters["bad_data"] == 0
-    assert rover.counters["aborts"] == 0
 
 
 MAVSDK = """

@@ -43,10 +43,3 @@ def test_all_that_lists_boards_follows_the_table():
     assert set(BOARDS) == set(DRIVERS) == set(NOMINAL_LATENCY) - {TOPICS}
     assert set(MOTOR_BOARDS) == set(BOARDS) - {"mavlink"}
     assert {{"rover": "mavlink"}.get(name, name) for name in templates()} == set(BOARDS)
-
-
-def test_only_a_board_without_encoders_needs_poses_from_outside():
-    assert [name for name, board in BOARDS.items() if not board.encoders] == [
-        "sabertooth",
-        "onboard",
-    ]

@@ -51,13 +51,6 @@ def test_speaks_the_bytes_of_the_manual(board, clock):
     assert asked(board, 90, ">I") == (0,)
 
 
-def test_damaged_and_foreign_packets_get_no_answer(board, clock):
-    good = framed(0x80, 14, 3)
-    assert board.handle(good[:-1] + b"\x00") == b"" and board.timeout == 0
-    clock.now += 0.02
-    assert board.handle(framed(0x81, 14, 3)) == b"" and board.timeout == 0
-
-
 def test_serial_timeout_stops_and_any_byte_feeds_it(board, clock):
     board.handle(framed(0x80, 14, 3))
     speed = framed(0x80, 37, *struct.pack(">ii", 1440, 1440))
@@ -74,19 +67,6 @@ def test_serial_timeout_stops_and_any_byte_feeds_it(board, clock):
     assert board.pose[0] == x > 0.0
     board.handle(speed)
     assert not board.stopped
-
-
-def test_without_a_timeout_it_drives_on_for_ever(board, clock):
-    board.handle(framed(0x80, 37, *struct.pack(">ii", 1440, 1440)))
-    clock.now += 20.0
-    assert not board.stopped and board.pose[0] > 5.0
-
-
-def test_acceleration_is_ramped_by_the_board(board, clock):
-    board.handle(framed(0x80, 40, *struct.pack(">Iii", 1440, 2880, 2880)))
-    clock.now += 1.0
-    first, _ = asked(board, 79, ">ii")
-    assert 1300 < first < 1450
 
 
 @pytest.fixture
@@ -114,7 +94,7 @@ def test_a_board_that_does_not_take_the_watchdog_is_refused(rig, monkeypatch):
         rig.driver.connect(0.4)
 
 
-def test_a_watchdog_that_somebody_takes_away_is_set_again(rig):
+def test_a_watchdog_that_was_switched_off_is_set_again(rig):
     rig.connect()
     rig.emulator.timeout = 0
     assert until(lambda: rig.emulator.timeout == 3)
@@ -170,40 +150,11 @@ def test_acceleration_uses_command_40(tmp_path):
     rig.close()
 
 
-def test_one_question_at_a_time(rig):
-    """The line is half a dialogue: nothing is sent while a reply is under way."""
-    rig.connect()
-    rig.drive(0.3, 0.1, 0.3, period=0.003)
-    # on a busy machine a reply, or a part of it, may come after its time-out; none comes but to a
-    # question
-    assert rig.counters["bad_bytes"] == 0 or rig.counters["timeouts"]
-    assert rig.counters["unexpected_replies"] <= rig.counters["timeouts"]
-
-
-def test_wrong_address_is_told(tmp_path):
-    board = RoboClawEmulator.from_options(with_board("roboclaw"))
-    board.start(f"pty:{tmp_path}/port")
-    driver = RoboClawDriver.from_options(
-        open_transport(f"pty:{tmp_path}/port"), with_board("roboclaw", address=0x82)
-    )
-    with pytest.raises(LinkError, match="packet serial mode at address 0x82"):
-        driver.connect(0.3)
-    board.close()
-
-
 @pytest.mark.parametrize(
     ("board", "message"),
     [
         ({}, "board.counts_per_turn: missing"),
-        (
-            {"counts_per_turn": 1e7},
-            "board.counts_per_turn: 1e+07 makes speeds past the board's 32 bits",
-        ),
         ({"counts_per_turn": 1440, "address": 0x90}, "board.address: expected 128 to 135, got 144"),
-        (
-            {"counts_per_turn": 1440, "watchdog": 30},
-            "board.watchdog: expected 0.1 to 25.5 s, got 30",
-        ),
         (
             {"counts_per_turn": 1440, "acceleration": "high"},
             "board.acceleration: expected float, got 'high'",

@@ -105,14 +105,6 @@ def test_an_old_command_is_replaced_by_zero(rig):
     assert driver.health().counters["stale_commands"] == 1
 
 
-def test_a_board_that_was_off_is_set_up_again(rig):
-    driver, emulator, _ = rig
-    assert until(lambda: emulator.timeout == pytest.approx(0.3))
-    emulator.reboot()
-    assert emulator.timeout == 0.0
-    assert until(lambda: emulator.timeout == pytest.approx(0.3) and emulator.bauded)
-
-
 @pytest.mark.parametrize("command", [(math.nan, 0.0), (0.0, math.inf)])
 def test_non_finite_commands_never_reach_the_wire(rig, command):
     driver, _, wire = rig

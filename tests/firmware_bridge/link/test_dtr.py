@@ -31,7 +31,7 @@ def test_it_is_set_and_set_back(on, monkeypatch):
     os.close(slave)
 
 
-def test_a_port_that_has_no_such_line_is_told_and_not_left_open():
+def test_a_port_that_has_no_such_line_is_reported_and_not_left_open():
     master, slave = os.openpty()
     before = len(os.listdir("/proc/self/fd"))
     with pytest.raises(OSError):

@@ -85,7 +85,7 @@ def test_stations_hear_all_that_the_board_says_and_the_board_what_they_may_say()
     assert board.closed and one.closed and two.closed
 
 
-def test_who_is_refused_again_and_again_is_told_now_and_then():
+def test_a_station_refused_again_and_again_is_warned_now_and_then():
     link, _, (one, _), clock = shared()
     link.start(lambda data, stamp: None)
     for _ in range(100):
@@ -101,7 +101,7 @@ def test_who_is_refused_again_and_again_is_told_now_and_then():
     assert len(one.written) == 3
 
 
-def test_what_stations_send_leaves_in_portions_and_no_more_of_it_waits_than_told():
+def test_what_stations_send_leaves_in_portions_and_no_more_of_it_waits_than_given():
     clock, sent = Clock(), []
     portions = Portions(sent.append, clock)
     frame = bytes(100)
@@ -120,7 +120,7 @@ def test_what_stations_send_leaves_in_portions_and_no_more_of_it_waits_than_told
     assert len(sent) <= at_once + RATE * seconds / 100 + 1 + BURST // 100  # a rest saves up a burst
 
 
-def test_a_station_that_cannot_be_opened_is_told_before_the_board_is_spoken_to():
+def test_a_station_that_cannot_be_opened_is_reported_before_the_board_is_spoken_to():
     link, board, (one, _), _ = shared(False, True)
     with pytest.raises(LinkError, match="nobody there"):
         link.start(lambda data, stamp: None)

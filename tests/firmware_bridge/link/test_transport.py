@@ -2,11 +2,9 @@
 
 import os
 import select
-import threading
 import time
 
 import pytest
-import serial
 from free_port import free_port
 from waiting import until
 
@@ -54,23 +52,6 @@ def test_close_is_idempotent_and_final(url, opened):
     with pytest.raises(LinkError, match="started before"):
         bridge.transport.start(lambda data, stamp: None)
     board.transport.close()
-
-
-def test_unplugged_in_the_middle_of_a_frame(tmp_path, opened):
-    url = f"pty:{tmp_path}/port"
-    board, bridge = opened(serve(url)), opened(open_transport(url))
-    board.transport.write(b"half a fr")
-    assert until(lambda: bridge.data == b"half a fr")
-    board.transport.close()
-    assert (
-        until(lambda: not bridge.transport.connected)
-        and "unplugged" in bridge.transport.last_error
-        or "no such port" in bridge.transport.last_error
-    )
-    board = opened(serve(url))
-    assert until(lambda: bridge.transport.connected)
-    board.transport.write(b"whole")
-    assert until(lambda: bridge.data == b"half a frwhole")
 
 
 class StalledPort:
@@ -134,14 +115,6 @@ def test_full_queue_keeps_the_newest_and_never_half_a_frame():
     assert port.closed
 
 
-def test_large_frames_arrive_whole_through_a_small_pipe(tmp_path, opened):
-    url = f"pty:{tmp_path}/port"
-    board, bridge = opened(serve(url)), opened(open_transport(url))
-    frame = bytes(range(256)) * 256
-    bridge.transport.write(frame)
-    assert until(lambda: len(board.data) == len(frame)) and board.data == frame
-
-
 def test_a_callback_that_raises_takes_the_link_down_and_not_the_thread(tmp_path, opened):
     url = f"tcp:127.0.0.1:{free_port()}"
     board = opened(serve(url))
@@ -179,34 +152,3 @@ def test_an_idle_link_sleeps(url, opened, monkeypatch):
     monkeypatch.setattr(ThreadedTransport, "_poll", poll)
     time.sleep(0.2)
     assert polls == []
-
-
-def test_close_does_not_wait_for_a_lost_peer(tmp_path, opened):
-    url = f"pty:{tmp_path}/port"
-    board, bridge = opened(serve(url)), opened(open_transport(url))
-    board.transport.close()
-    assert until(lambda: not bridge.transport.connected)
-    closer = threading.Thread(target=bridge.transport.close)
-    closer.start()
-    closer.join(5.0)
-    assert not closer.is_alive()
-
-
-def test_pyserial_talks_to_the_emulated_port(tmp_path, opened):
-    board = opened(serve(f"pty:{tmp_path}/port"), reply=b"re:")
-    with serial.Serial(str(tmp_path / "port"), 115200, timeout=5.0, exclusive=True) as client:
-        client.write(b"\x00\xff\r\n\x03\x11")
-        assert client.read(9) == b"re:\x00\xff\r\n\x03\x11"
-        with pytest.raises(LinkError, match="in use"):
-            open_transport(f"pty:{tmp_path}/port").start(lambda data, stamp: None)
-    assert board.data == b"\x00\xff\r\n\x03\x11"
-
-
-def test_what_was_sent_before_the_bridge_came_is_not_read(tmp_path, opened):
-    url = f"pty:{tmp_path}/port"
-    board = opened(serve(url))
-    board.transport.write(b"old telemetry")
-    assert until(lambda: board.transport.counters["bytes_out"] == 13)
-    bridge = opened(open_transport(url))
-    board.transport.write(b"new")
-    assert until(lambda: bridge.data == b"new")

@@ -109,7 +109,7 @@ def test_a_client_of_another_library_reads_every_kind_of_message():
     assert not viewer.problem
 
 
-def test_a_port_that_is_taken_and_an_extra_that_is_missing_are_told_first(monkeypatch):
+def test_a_port_that_is_taken_and_an_extra_that_is_missing_are_reported_first(monkeypatch):
     import argparse
 
     from firmware_bridge.cli.live_options import add_live_options, asked_views

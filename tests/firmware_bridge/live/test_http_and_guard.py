@@ -31,11 +31,7 @@ def test_a_request_is_read_with_its_body():
     [
         (b"GET", 400),
         (b"\x16\x03\x01\x02\x00\r\n\r\n", 400),
-        (b"GET http://evil/ HTTP/1.1\r\n\r\n", 400),
-        (b"GET / HTTP/2\r\n\r\n", 400),
         (b"GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n", 400),
-        (b"GET / HTTP/1.1\r\nHost: a\r\n folded\r\n\r\n", 400),
-        (b"GET / HTTP/1.1\r\nHost : a\r\n\r\n", 400),
         (b"GET / HTTP/1.1\r\nA: " + b"x" * LONGEST_HEAD + b"\r\n\r\n", 431),
         (b"POST /stop HTTP/1.1\r\nContent-Length: 99999\r\n\r\n", 413),
         (b"POST /stop HTTP/1.1\r\nContent-Length: -1\r\n\r\n", 400),

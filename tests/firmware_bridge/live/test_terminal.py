@@ -67,32 +67,6 @@ def test_the_picture_before_the_first_pose():
     )
 
 
-def test_a_terminal_is_drawn_over_and_a_file_gets_the_changes_once():
-    loop, driver, planner, clock = driven()
-    screen, file = io.StringIO(), io.StringIO()
-    live, plain = (
-        View(loop, "a", screen, True),
-        View(loop, "a", file, False, lambda: ["disk full: logging has ended"]),
-    )
-    for _ in range(3):
-        live.draw()
-        plain.draw()
-    assert (
-        screen.getvalue().count("IDLE -> WAITING") == 1 and screen.getvalue().count("\x1b[7F") == 2
-    )
-    assert file.getvalue().splitlines() == [
-        line for line in file.getvalue().splitlines() if "\x1b" not in line
-    ]
-    assert (
-        file.getvalue().count("WAITING -> ACTIVE") == 1 and file.getvalue().count("disk full") == 1
-    )
-    driver.go_silent()
-    run(loop, planner, clock, 3.0)
-    plain.draw()
-    told = next(line for line in file.getvalue().splitlines() if "ACTIVE -> STOPPING: " in line)
-    assert "no pose, or too old" in told or "board not heard" in told
-
-
 def test_a_terminal_that_has_gone_stops_only_the_view():
     class Gone(io.StringIO):
         def write(self, text):

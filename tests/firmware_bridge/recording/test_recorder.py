@@ -1,7 +1,6 @@
 """The CSV of a drive: what is in it, what is left out, and a torn row that is mended."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -9,8 +8,8 @@ from recorder_rig import TICK, drive
 from robots import Clock
 
 import kmpc_lite as kl
-from firmware_bridge.messages import ConfigError, State
-from firmware_bridge.recording.recorder import LATENESS, CsvRecorder, RowSampler, Tick, torn_bytes
+from firmware_bridge.messages import State
+from firmware_bridge.recording.recorder import CsvRecorder, RowSampler, Tick, torn_bytes
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import Action, GateState
 
@@ -34,18 +33,6 @@ def test_the_csv_is_a_dataset_of_the_models_period(tmp_path):
     # the robot obeys exactly, so all that is left is the interpolation between poses up to 0.04 s
     # apart, over jumps of up to 0.6 m/s
     assert np.abs(errors[:, :2]).max() < 0.6 * 0.04 / 4 and np.median(np.abs(errors[:, :2])) < 2e-5
-
-
-def test_what_is_recorded_can_be_learned_from(tmp_path):
-    path = tmp_path / "drive.csv"
-    recorder = CsvRecorder(path, 0.1)
-    drive(recorder, seconds=120.0, command_every=0.5)
-    recorder.close()
-    model = kl.fit(kl.Dataset.load(path))
-    step = model.predict([0.2, -0.1, 0.3], [0.3, 0.5]) - kl.nominal_unicycle(0.1).predict(
-        [0.2, -0.1, 0.3], [0.3, 0.5]
-    )
-    assert np.abs(step).max() < 1e-3
 
 
 @pytest.mark.parametrize("lost", [(5.0, 5.4), (5.0, 5.9), (5.0, 9.0)])
@@ -129,38 +116,6 @@ def test_a_pose_that_is_not_finite_leaves_its_rows_out():
     assert np.isfinite(rows).all()
     steps = np.diff([r[0] for r in rows])
     assert (steps > 0.29).sum() == 1 and np.allclose(steps[steps < 0.29], 0.1)
-
-
-def test_the_heading_is_interpolated_the_short_way_round():
-    sampler = RowSampler(0.1)
-    rows = []
-    for k in range(100):
-        t = 10.0 + k * TICK
-        theta = math.remainder(3.0 + 1.0 * t, math.tau)
-        rows += sampler.take(
-            Tick(t, State(0.0, 0.0, theta, 0.0, 1.0, t), (0.0, 1.0, 0.0), True, fresh=True)
-        )
-    turns = np.remainder(np.diff([r[3] for r in rows]) + math.pi, math.tau) - math.pi
-    assert np.allclose(turns, 0.1, atol=1e-9)
-
-
-def test_rows_are_late_by_no_more_than_promised(tmp_path):
-    recorder = CsvRecorder(tmp_path / "a.csv", 0.1)
-    drive(recorder, seconds=3.0)
-    until = time.monotonic() + 5.0
-    while recorder.rows < 25 and time.monotonic() < until:
-        time.sleep(0.01)
-    assert recorder.rows >= int((3.0 - LATENESS) / 0.1) - 2
-    recorder.close()
-
-
-def test_a_log_is_never_written_over(tmp_path):
-    (tmp_path / "a.csv").write_text("precious")
-    with pytest.raises(ConfigError, match="exists already"):
-        CsvRecorder(tmp_path / "a.csv", 0.1)
-    with pytest.raises(ConfigError, match="cannot write"):
-        CsvRecorder(tmp_path / "no" / "a.csv", 0.1)
-    assert (tmp_path / "a.csv").read_text() == "precious"
 
 
 def test_a_torn_row_is_mended_wherever_it_tore(tmp_path):

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from waiting import until
 
@@ -15,11 +13,8 @@ pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not insta
 from topic_rig import TopicRig, short_course
 
 import kmpc_lite as kl
-from firmware_bridge.ros2.driver import Ros2Driver
 from firmware_bridge.ros2.message_types import DIAGNOSTICS, LARGEST, MARKERS, PATH, TWIST
 from firmware_bridge.ros2.names import Qos
-from firmware_bridge.ros2.node import NodeOptions
-from firmware_bridge.ros2.options import Ros2Options, read_topics
 from firmware_bridge.ros2.telling import Telling
 from firmware_bridge.safety.gate_table import GateState, Reason
 from firmware_bridge.wheels import Wheels
@@ -35,7 +30,7 @@ def drive(rig: TopicRig, seconds: float = 20.0) -> float:
     return rig.now - began
 
 
-def test_a_drive_past_an_obstacle_that_only_a_map_topic_tells() -> None:
+def test_a_drive_past_an_obstacle_that_only_a_map_topic_reports() -> None:
     with TopicRig(short_course(), EmulatedRobot(sees=("map",))) as rig:
         rig.drive_to(rig.scenario.goal)
         took = drive(rig)
@@ -79,7 +74,7 @@ def test_a_robot_whose_peer_is_killed_stops_and_goes_on_after_its_return() -> No
         assert rig.navigator.reached == 1, rig.loop.why()
 
 
-def test_a_drive_past_an_obstacle_that_only_a_scan_topic_tells() -> None:
+def test_a_drive_past_an_obstacle_that_only_a_scan_topic_reports() -> None:
     with TopicRig(short_course(), EmulatedRobot(sees=("scan",))) as rig:
         rig.drive_to(rig.scenario.goal)
         drive(rig)
@@ -104,7 +99,7 @@ def test_a_car_is_driven_by_steering_angles_or_by_turn_rates(wheels: Wheels) -> 
         assert rig.clearance > 0.0 and rig.emulator.commands > 100
 
 
-def test_a_car_that_listens_to_another_type_of_commands_is_told() -> None:
+def test_a_car_that_listens_to_another_type_of_commands_is_reported() -> None:
     course = short_course(wheels=kl.Car(0.5))
     with TopicRig(course, EmulatedRobot(sees=("map",)), wheels=STEERED) as rig:
         telling = Telling(rig.driver, rig.navigator, rig.loop, 0.1, lambda: rig.now)
@@ -112,7 +107,7 @@ def test_a_car_that_listens_to_another_type_of_commands_is_told() -> None:
         assert until(lambda: telling._look() or told in telling.warnings())
 
 
-def test_an_omni_is_driven_sideways_and_its_odometry_tells_so() -> None:
+def test_an_omni_is_driven_sideways_and_its_odometry_reports_so() -> None:
     course = short_course(wheels=kl.Omni(), goal=(0.3, 0.8, 0.0), circles=())
     with TopicRig(course, EmulatedRobot(sees=("map",)), wheels=Wheels("omni")) as rig:
         rig.drive_to(rig.scenario.goal)
@@ -122,28 +117,6 @@ def test_an_omni_is_driven_sideways_and_its_odometry_tells_so() -> None:
             fastest = max(fastest, rig.driver.state().vy)
         assert rig.navigator.reached == 1, rig.loop.why()
         assert fastest > 0.2 and abs(rig.emulator.pose[2]) < 0.15
-
-
-def test_maps_that_are_missing_or_were_pushed_out_are_asked_for_now_and_then() -> None:
-    now, asked = [100.0], list[str]()
-    options = Ros2Options(topics=read_topics(["map=/map", "map=/costmap", "scan="], "/"))
-    driver = Ros2Driver(NodeOptions(), options, clock=lambda: now[0])
-    for source in driver.inputs.sources():
-        heard = SimpleNamespace(malformed=0, ask_again=lambda name=source.name: asked.append(name))
-        driver.subscriptions.append((heard, source))
-    driver.inputs.grids[0]._cells = np.zeros((2, 2), np.int8)
-    for _ in range(80):
-        now[0] += 0.1
-        driver._mind_maps(now[0])
-    assert asked == ["/costmap", "/costmap"]  # of two maps, the one that has not come
-    driver.inputs.grids[1]._cells = np.zeros((2, 2), np.int8)
-    garbled = next(heard for heard, source in driver.subscriptions if source.name == "/map")
-    garbled.malformed = 7
-    asked.clear()
-    for _ in range(80):
-        now[0] += 0.1
-        driver._mind_maps(now[0])
-    assert asked == ["/map"]
 
 
 def test_garbage_on_every_topic_ends_nothing() -> None:

@@ -79,7 +79,7 @@ WRONG: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_a_map_that_is_none_is_told_in_one_line_and_not_driven_by(what: str) -> None:
+def test_a_map_that_is_none_is_reported_in_one_line_and_not_driven_by(what: str) -> None:
     here = inputs("scan=")
     here.grids[0].take(spoil(map_of([[0, 0], [0, 100]]), WRONG[what]), 10.0)
     here.build(10.0)

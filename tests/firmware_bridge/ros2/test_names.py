@@ -58,12 +58,6 @@ def test_the_independent_client_reads_the_quality_of_service(qos: Qos) -> None:
     assert read.history_depth == (10 if qos.depth == 42 else qos.depth)
 
 
-def test_quality_of_service_as_rmw_zenoh_writes_it() -> None:
-    # of a talker and of a map server under rmw_zenoh 0.2
-    assert Qos(depth=10).encode() == "::,10:,:,:,,"
-    assert Qos(transient_local=True, depth=1).encode() == ":1:,1:,:,:,,"
-
-
 def test_tokens_are_read_back() -> None:
     token = NODE.topic_token(3, PUBLISHER, TOPIC, Qos())
     assert read_token(token) == Seen(

@@ -28,31 +28,6 @@ def test_the_mean_is_weighed_by_time() -> None:
     assert (v, omega) == pytest.approx((0.54, 1.08))
 
 
-def test_before_the_first_command_nothing_is_known() -> None:
-    assert SentCommands().mean(0.0, 1.0) is None
-    assert ramp(1.0).mean(-0.1, 0.5) is None
-
-
-def test_the_planner_tells_it_from_the_second_period_on_and_not_after_a_gap() -> None:
-    now, held = 0.0, []
-    planner = Planner(
-        lambda state: command(), lambda: State(0.0, 0.0, 0.0, 0.0, 0.0, now), 0.1, clock=lambda: now
-    )
-
-    def command() -> VelocityCommand:
-        held.append(planner.held)
-        return VelocityCommand(0.5, 0.0, now)
-
-    for k in range(8):
-        if k != 5:  # a period is left out
-            planner.step(now)
-        for _ in range(5):
-            planner.sent.add(now, 0.1 * k, -0.1 * k)
-            now += 0.02
-    assert held[0] is None and held[5] is None
-    assert held[3] == pytest.approx((0.2, -0.2, 0.0)) and held[6] == pytest.approx((0.6, -0.6, 0.0))
-
-
 def test_a_plan_is_for_the_moment_at_which_it_is_ready():
     """On a busy computer a step took 125 ms, and a wall was touched: the plan was for its start."""
     clock = Clock()

@@ -67,15 +67,6 @@ def test_a_driver_that_raises_is_a_link_that_is_down(call):
     assert bench.loop.report()["errors"] == bench.loop.statistics.driver_errors
 
 
-def test_an_observer_that_raises_does_not_stop_the_robot():
-    class Broken:
-        def on_tick(self, *args):
-            raise OSError("disk full")
-
-    bench = Bench(observers=(Broken(),)).drive()
-    assert bench.loop.statistics.last_error == "OSError: disk full"
-
-
 def test_operator_stop_reset_enable():
     desk = Desk()
     bench = Bench(operator=desk).drive()

@@ -10,19 +10,6 @@ from firmware_bridge.runtime.route import Route
 GOALS = ((1.0, 0.0, 0.0), (1.0, 1.0, 1.5), (0.0, 0.0, 0.0))
 
 
-def test_a_route_ends_at_its_last_goal_and_a_loop_never() -> None:
-    route, loop = Route(GOALS), Route(GOALS, loop=True)
-    for number, goal in enumerate((*GOALS, *GOALS)):
-        assert loop.goal == goal and not loop.done and loop.rounds == number // 3
-        assert route.goal == (goal if number < 3 else GOALS[-1])
-        assert route.done is (number >= 3)
-        loop.hold()
-        if not route.done:
-            route.hold()
-    assert route.words == "goal 3 of 3" and loop.words == "goal 1 of 3, round 3"
-    assert Route(GOALS[:1]).words == ""
-
-
 @pytest.mark.parametrize("loop", [False, True])
 def test_a_navigator_goes_on_only_when_a_goal_is_held(loop: bool) -> None:
     clock, route = Clock(), Route(GOALS, loop)

@@ -60,7 +60,7 @@ def test_enable_is_refused_with_the_reason_while_it_is_barred(stop):
     assert ask(stop.path, "enable")["ok"] and stop.take() == {"enable"}
 
 
-def test_the_answer_tells_whether_the_gate_has_obeyed(stop):
+def test_the_answer_reports_whether_the_gate_has_obeyed(stop):
     def gate() -> None:
         while not stop.take():
             time.sleep(0.001)
@@ -110,7 +110,7 @@ class Ticking:
                 self.doubt = "" if word == "confirm" else self.doubt
 
 
-def test_the_answer_tells_what_came_of_the_request_and_not_what_was_before(stop):
+def test_the_answer_reports_what_came_of_the_request_and_not_what_was_before(stop):
     """`reset` was answered "not pressed, gate ESTOP", `confirm` with the doubt that it ended."""
     stop.press()
     with Ticking(stop) as gate:
@@ -122,11 +122,6 @@ def test_the_answer_tells_what_came_of_the_request_and_not_what_was_before(stop)
         assert confirmed["ok"] and confirmed["why"] == []
         enabled = ask(stop.path, "enable")
         assert enabled["ok"] and enabled["gate"] == "WAITING"
-
-
-def test_a_gate_that_stands_still_keeps_no_client_waiting(stop):
-    stop.tell(GateState.IDLE)
-    assert ask(stop.path, "confirm")["gate"] == "IDLE"
 
 
 def test_the_latch_outlives_the_process(tmp_path):
@@ -153,7 +148,7 @@ def test_a_press_in_a_signal_handler_reaches_the_disk(stop):
         signal.signal(signal.SIGUSR1, before)
 
 
-def test_an_unknown_word_and_a_silent_client_do_nothing_and_hold_up_nobody(stop):
+def test_an_unknown_word_and_a_silent_client_do_nothing_and_block_no_client(stop):
     silent = socket.socket(socket.AF_UNIX)
     silent.connect(str(stop.path))
     endless = socket.socket(socket.AF_UNIX)
@@ -213,7 +208,7 @@ def test_more_connections_than_are_kept_close_the_oldest_and_a_stop_acts(stop):
         client.close()
 
 
-def test_whoever_connects_without_end_does_not_keep_a_stop_away(stop):
+def test_endless_connections_do_not_keep_a_stop_away(stop):
     """A process of its own: it is as fast as this machine lets it be."""
     code = (
         "import socket, sys\n"
@@ -235,7 +230,7 @@ def test_whoever_connects_without_end_does_not_keep_a_stop_away(stop):
         hog.communicate()
 
 
-def test_a_latch_that_somebody_else_wrote_is_a_stop_and_only_a_reset_removes_it(stop):
+def test_a_latch_written_by_another_process_is_a_stop_and_only_a_reset_removes_it(stop):
     set_latch(stop.path, True)
     assert until(lambda: stop.take() == {"stop"})
     time.sleep(0.1)  # several looks at it
@@ -254,7 +249,7 @@ def test_a_stop_outlives_a_bridge_that_does_not_answer(tmp_path):
     assert EmergencyStop(path).latched
 
 
-def test_a_stop_that_cannot_be_kept_on_disk_is_asked_for_and_told(tmp_path):
+def test_a_stop_that_cannot_be_kept_on_disk_is_asked_for_and_reported(tmp_path):
     with pytest.raises(LinkError, match=r"no bridge is running there; .*not be kept on disk"):
         press(tmp_path / "no" / "b.sock")
 
@@ -303,29 +298,6 @@ def test_a_file_that_is_no_socket_is_left_alone(tmp_path):
     assert not list(tmp_path.glob("*.lock"))
 
 
-def test_a_busy_bridge_keeps_its_socket(tmp_path):
-    path = tmp_path / "b.sock"
-    busy = Listener(path)
-    try:
-        before = path.stat().st_ino
-        with pytest.raises(LinkError, match="another bridge is running"):
-            EmergencyStop(path).open()
-        assert path.stat().st_ino == before
-    finally:
-        busy.close()
-    assert list(tmp_path.glob("b.sock*")) == []
-
-
-def test_a_socket_at_which_another_program_listens_is_left_alone(tmp_path):
-    path = tmp_path / "other.sock"
-    with socket.socket(socket.AF_UNIX) as other:
-        other.bind(str(path))
-        other.listen()
-        with pytest.raises(LinkError, match="another bridge is running"):
-            EmergencyStop(path).open()
-        assert path.exists()
-
-
 def test_a_bridge_removes_its_own_socket_only(stop, tmp_path):
     stop.path.rename(tmp_path / "moved")
     with socket.socket(socket.AF_UNIX) as other:
@@ -334,49 +306,7 @@ def test_a_bridge_removes_its_own_socket_only(stop, tmp_path):
         assert stop.path.exists()
 
 
-def test_the_lock_goes_with_its_process(tmp_path):
-    path = tmp_path / "b.sock"
-    code = (
-        "import os, sys; from pathlib import Path\n"
-        "from firmware_bridge.safety.listener import Listener\n"
-        "Listener(Path(sys.argv[1])); os._exit(9)"
-    )
-    subprocess.run([sys.executable, "-c", code, str(path)], check=False)
-    assert path.exists()
-    heir = EmergencyStop(path)
-    heir.open()
-    assert ask(path, "status")["ok"]
-    heir.close()
-
-
-def test_without_a_bridge_there_is_one_clear_line(tmp_path):
-    with pytest.raises(LinkError, match="no bridge is running there"):
-        ask(tmp_path / "none.sock", "stop")
-
-
-def test_whoever_is_no_bridge_is_told_apart(tmp_path):
-    path = tmp_path / "other.sock"
-    with socket.socket(socket.AF_UNIX) as other:
-        other.bind(str(path))
-        other.listen()
-
-        def chatter() -> None:
-            for word in (b"[1]\n", b"hello\n"):
-                client, _ = other.accept()
-                client.recv(100)
-                client.sendall(word)
-                client.close()
-
-        thread = threading.Thread(target=chatter)
-        thread.start()
-        with pytest.raises(LinkError, match="no bridge"):
-            ask(path, "status")
-        with pytest.raises(LinkError, match="no answer"):
-            ask(path, "status", timeout=0.1)
-        thread.join()
-
-
-def test_a_latch_that_cannot_be_written_still_holds_and_is_told(tmp_path):
+def test_a_latch_that_cannot_be_written_still_holds_and_is_reported(tmp_path):
     folder = tmp_path / "gone"
     folder.mkdir()
     stop = EmergencyStop(folder / "b.sock")

@@ -5,7 +5,7 @@ from gate_world import World, into
 from firmware_bridge.safety.gate_table import Action, GateState
 
 
-def test_a_pilot_who_takes_over_keeps_the_robot():
+def test_a_pilot_that_takes_over_keeps_the_robot():
     world = World().drive()
     world.ready = False
     first = world.step()

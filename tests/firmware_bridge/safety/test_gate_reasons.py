@@ -26,7 +26,7 @@ SPOIL = {
 
 
 @pytest.mark.parametrize("reason", SPOIL, ids=lambda r: r.name)
-def test_each_reason_alone_stops_within_300_ms_and_is_told(reason):
+def test_each_reason_alone_stops_within_300_ms_and_is_reported(reason):
     world = World().drive()
     SPOIL[reason](world)
     lost, speed = world.now, world.outputs[-1].v

@@ -61,13 +61,6 @@ def test_a_turn_that_is_left_out_is_no_stop():
     assert {o.state for _, o in outputs} == {GateState.ACTIVE}
 
 
-def test_a_robot_without_a_lidar_needs_no_scan():
-    gate = SafetyGate(GateSettings(pilot=False))
-    gate.enable()
-    outputs = drive(gate, 10.0, 12.0, lambda now: None)
-    assert outputs[-1][1].state is GateState.ACTIVE
-
-
 @pytest.mark.parametrize("stamp", [math.nan, math.inf])
 def test_a_stamp_that_is_none_counts_as_none(stamp):
     gate = SafetyGate(GateSettings(pilot=False))

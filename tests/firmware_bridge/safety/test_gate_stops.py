@@ -84,7 +84,7 @@ def test_a_plain_board_brakes_for_a_second_before_it_is_released():
     assert world.run(1.0).action is Action.NOTHING and world.gate.done
 
 
-def test_an_emergency_stop_is_repeated_until_obeyed_and_when_somebody_lifts_it():
+def test_an_emergency_stop_is_repeated_until_obeyed_and_when_it_is_lifted():
     world = into(GateState.ESTOP)
     world.run(1.6)
     assert [o.action for o in world.outputs if o.state is GateState.ESTOP].count(

@@ -71,13 +71,6 @@ def test_gaps_of_a_quarter_second_slow_the_robot_and_do_not_stop_it():
     assert sum(drive.speeds[100:]) / len(drive.speeds[100:]) < 0.49
 
 
-def test_poses_in_time_do_not_slow_it():
-    drive = Drive().run(3.0, pose_every=0.1)
-    drive.speeds.clear()
-    drive.run(5.0, pose_every=0.14)
-    assert set(drive.speeds) == {0.5}
-
-
 @pytest.mark.parametrize(("takes", "slowed"), [(0.02, False), (0.06, False), (0.11, True)])
 def test_late_steps_slow_the_robot(takes, slowed):
     drive = Drive().run(3.0)
@@ -123,13 +116,6 @@ def test_an_estimate_that_the_board_distrusts_is_waited_for_too():
     assert drive.gate.state is GateState.HOLDING
     drive.faults, drive.pose_ok = (), True
     assert drive.run(2.0).gate.state is GateState.ACTIVE
-
-
-def test_what_is_waited_for_ends():
-    drive = Drive(replace(SETTINGS, resume=3.0)).run(3.0)
-    drive.lose(6.0)
-    assert drive.gate.state is GateState.RELEASED
-    assert drive.run(3.0).gate.state is not GateState.ACTIVE
 
 
 def test_a_pose_that_comes_back_elsewhere_is_not_driven_on():

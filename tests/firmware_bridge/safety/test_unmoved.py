@@ -30,18 +30,12 @@ def stays(here, v, omega, k):
 
 
 @pytest.mark.parametrize("command", [(0.3, 0.0), (-0.2, 0.0), (0.3, 0.8), (1.5, 0.0), (0.03, 0.0)])
-def test_a_pose_that_stays_is_told_once_enough_was_told(command):
+def test_a_pose_that_stays_is_reported_once_enough_was_commanded(command):
     said = looks([command] * 500, stays)
     first = next(k for k, words in enumerate(said) if words)
     needed = 1.0 + 0.15 / abs(command[0])
     assert needed - TICK <= first * TICK <= 1.1 * needed + 0.25
     assert "it moved 0.00 m" in said[first]
-
-
-def test_a_heading_that_stays_is_told_too():
-    assert "commanded to turn 1.00 rad, it turned 0.00 rad" in "".join(
-        looks([(0.0, 0.5)] * 160, stays)
-    )
 
 
 def test_noise_does_not_hide_a_frozen_pose():
@@ -50,7 +44,7 @@ def test_noise_does_not_hide_a_frozen_pose():
     assert any(looks([(0.3, 0.0)] * 200, lambda here, v, omega, k: noisy[k]))
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_robot_that_lags_slips_and_turns_less_is_believed(seed):
     """Half a second late, a third of the speed, half of the turn, whatever it is told."""
     draw = np.random.default_rng(seed)
@@ -63,14 +57,14 @@ def test_a_robot_that_lags_slips_and_turns_less_is_believed(seed):
     assert not any(looks(commands, lags))
 
 
-def test_a_robot_that_stands_at_its_goal_or_dithers_is_not_told_of():
+def test_a_robot_that_stands_at_its_goal_or_dithers_is_not_reported():
     dither = [(0.1 * (-1) ** (k // 20), 0.4 * (-1) ** (k // 20)) for k in range(2000)]
     assert not any(looks(dither, stays))
     assert not any(looks([(0.0, 0.0)] * 1000, stays))
     assert not any(looks([(0.3, 0.0)] * 500, stays, UnmovedOptions(patience=0.0)))
 
 
-def test_what_was_told_in_a_stall_does_not_count():
+def test_commands_during_a_stall_do_not_count():
     watch, here = Unmoved(UnmovedOptions()), State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(40):
         assert not watch.look(GateState.ACTIVE, 0.5 * k, (0.3, 0.0, 0.0), here)

@@ -139,23 +139,6 @@ def test_a_port_in_use_and_other_urls_are_refused_in_one_line(tmp_path):
         robot.driver_table()
 
 
-def test_nothing_but_this_computer_is_listened_to_unless_told():
-    driver = PosedDriver(_Nobody(), "udp::0")
-    driver.connect(0.1)
-    assert driver._endpoint._opened._socket.getsockname()[0] == "127.0.0.1"
-    driver.close()
-
-
-class _Nobody:
-    def connect(self, timeout):
-        pass
-
-    def send(self, v, omega, vy=0.0):
-        pass
-
-    stop = close = state = health = lambda self: None
-
-
 def test_a_whole_run_by_motion_capture(desk, capsys):
     import threading
 

@@ -9,7 +9,7 @@ from firmware_bridge.messages import State
 from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.scan import Sweep
-from firmware_bridge.sensors.sight import Sight, compose, into_bins
+from firmware_bridge.sensors.sight import Sight, compose
 from kmpc_lite.scenario.world import World
 
 BEAMS = 360
@@ -45,15 +45,6 @@ def points(scan, pose):
     return np.column_stack([pose[0] + c * px - s * py, pose[1] + s * px + c * py])
 
 
-def test_what_is_ahead_left_and_right_stays_there():
-    ranges = np.full(BEAMS, 5.0)
-    ranges[BEAMS // 4] = 1.0  # a quarter of a turn clockwise: to the right
-    scan = still(ranges)
-    assert at(scan, -math.pi / 2) == 1.0 and at(scan, math.pi / 2) == 5.0
-    assert at(still(ranges, mirrored=True), math.pi / 2) == 1.0
-    assert at(still(ranges, mount=(0.0, 0.0, math.pi / 2)), 0.0) == 1.0
-
-
 def test_limits_unknown_and_nothing():
     ranges = np.full(BEAMS, 5.0)
     ranges[:4] = (0.05, math.nan, math.inf, 9.0)
@@ -79,18 +70,6 @@ def test_any_number_of_beams_fills_the_scan(count):
     scan = still(ranges)
     assert len(scan.ranges) == BEAMS and not np.isnan(scan.ranges).any()
     assert at(scan, -math.tau * (count // 3) / count) == pytest.approx(1.5)
-
-
-def test_half_a_turn_that_is_missing_is_unknown():
-    angles = np.linspace(0.0, math.pi, 180)
-    scan = still(np.full(180, 2.0), angles)
-    assert 170 <= np.isnan(scan.ranges).sum() <= 180
-    assert math.isnan(at(scan, -1.5)) and at(scan, 1.5) == 2.0
-
-
-def test_a_bin_takes_the_nearest_of_its_beams():
-    ranges, part = into_bins(np.array([0.0, 0.001, 0.002]), np.array([3.0, 1.0, np.nan]), 36)
-    assert ranges[18] == 1.0 and part == pytest.approx(math.tau / 36)
 
 
 @pytest.mark.parametrize(("v", "omega"), [(1.0, 0.0), (0.0, 1.5), (0.8, -1.2)])

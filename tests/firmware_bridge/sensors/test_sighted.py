@@ -1,7 +1,5 @@
 """A driver with eyes: its status tells the age of the scans, and what is wrong with them."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,6 @@ from firmware_bridge.sensors.lidar.lidar import LidarHealth
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.pose import PosedDriver
 from firmware_bridge.sensors.scan import Sweep
-from firmware_bridge.sensors.sensor_driver import autopilot_of
 from firmware_bridge.sensors.sighted import SightedDriver, with_lidar
 
 OPTIONS = LidarOptions("ld06", "pty:x")
@@ -82,15 +79,6 @@ def test_a_robot_that_cannot_see_is_not_taken():
     assert log[1:] == [("board", 3.0), ("board", "closed"), ("lidar", "closed")]
 
 
-def test_the_status_tells_the_age_and_the_faults():
-    driver, eye, _ = pair()
-    assert driver.health().scan_stamp == -math.inf
-    eye.seen, eye.faults = turn(5.0), ("it is ill",)
-    status = driver.health()
-    assert (status.scan_stamp, status.scan_faults) == (5.0, ("it is ill",))
-    assert status.counters == {"frames": 1, "lidar_turns": 7} and status.faults == ()
-
-
 def test_a_covered_lidar_is_blind():
     driver, eye, _ = pair()
     eye.seen = turn(5.0)
@@ -111,14 +99,6 @@ def test_an_autopilots_own_sensors_need_no_link():
     assert driver.lidar is rover.sectors is not None
     posed = with_lidar(PosedDriver(rover, "udp::0"), LidarOptions("mavlink"))
     assert posed.lidar is rover.sectors
-
-
-def test_an_autopilot_is_found_beneath_its_sensors_and_a_motor_controller_is_none():
-    rover = mavlink()
-    posed = PosedDriver(rover, "udp::0", rover.feed_pose)
-    seeing = SightedDriver(posed, Eye([]), OPTIONS)
-    assert [autopilot_of(driver) for driver in (rover, posed, seeing)] == [rover] * 3
-    assert autopilot_of(pair()[0]) is None
 
 
 def mavlink(**options):

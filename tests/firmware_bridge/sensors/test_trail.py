@@ -9,10 +9,6 @@ from firmware_bridge.messages import State
 from firmware_bridge.sensors.sight import AHEAD, Trail
 
 
-def test_no_pose_no_trail():
-    assert Trail().poses(np.array([1.0])) is None
-
-
 def test_between_poses_it_is_interpolated_over_the_seam_of_the_heading_too():
     trail = Trail()
     trail.add(State(0.0, 0.0, 3.0, 0.0, 0.0, 10.0))

@@ -39,15 +39,7 @@ def test_stop_is_pressed_while_the_robot_drives_and_the_first_tick_that_obeys_co
     assert now[0] - script.seen[-1][1] == pytest.approx(REST, abs=0.05)
 
 
-def test_a_robot_that_never_drives_ends_the_measurement():
-    now, pressed = [0.0], []
-    script = Script(1, lambda: pressed.append(now[0]), lambda: now[0])
-    while not script(shot(now[0], GateState.RELEASED)):
-        now[0] += 0.5
-    assert not pressed and not script.seen
-
-
-def test_a_press_is_put_together_and_told(tmp_path, monkeypatch, capsys):
+def test_a_press_is_put_together_and_reported(tmp_path, monkeypatch, capsys):
     trace = tmp_path / "trace"
     rows = [(100.0 + 0.005 * k, min(k, 120) * 0.0015) for k in range(400)]  # stands from 100.6 s on
     trace.write_text("".join(f"{t:.4f} {x:.5f} 0\n" for t, x in rows))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from pathlib import Path
 
 import pytest
-from pages import DOCS
 
-from kmpc_lab.bench.boards import format_boards, read_board, this_machine
+from kmpc_lab.bench.boards import read_board, this_machine
 from kmpc_lite.cli import main as cli
 from kmpc_lite.errors import DataError
 
@@ -38,16 +36,3 @@ def test_other_files_are_refused(text: str, tmp_path: Path) -> None:
     file.write_text(text)
     with pytest.raises(DataError, match="other.json: expected what kmpc bench --json writes"):
         read_board(file)
-
-
-def test_the_page_shows_boards_or_says_that_there_is_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.syspath_prepend(str(DOCS / "_site"))
-    hooks = importlib.import_module("hooks")
-    monkeypatch.setattr(hooks, "ROOT", tmp_path)
-    (folder := tmp_path / "docs" / "boards").mkdir(parents=True)
-    page = "# P\n\n<!-- boards: boards -->\n"
-    assert "No board has been measured" in hooks.on_page_markdown(page)
-    board = read_board(written(folder, "Pi 5", {"ours": 0.75}))
-    assert format_boards([board]) in hooks.on_page_markdown(page)

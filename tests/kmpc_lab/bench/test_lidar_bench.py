@@ -30,14 +30,6 @@ def test_steps_of_all_kinds_are_timed_phase_by_phase(monkeypatch, capsys) -> Non
     assert "x first" in text and text.count("estimate") == 2
 
 
-def test_a_drive_is_recorded_until_its_goal_is_held() -> None:
-    controller = lidar.Controller(lidar.nominal_unicycle(0.1), lidar.STANDARD.problem(lidar.SIDE))
-    recorded = lidar._record(controller, lidar._past_circles(7000), 7000)
-    assert 10 < len(recorded) < lidar.STEPS
-    (pose, goal, *_), last = recorded[0], recorded[-1][0]
-    assert abs(pose[:2] - goal[:2]).max() > 0.3 > abs(last[:2] - goal[:2]).max()
-
-
 def test_cold_steps_are_taken_in_turns(monkeypatch, capsys) -> None:
     """All contenders from the same states; drives past circles and by lidar in both languages."""
     monkeypatch.setattr(lidar, "STEPS", 4)

@@ -47,9 +47,3 @@ def test_a_job_refuses_the_options_that_it_does_not_read(
             assert status == 2 and not out
             assert err.startswith(f"kmpc bench: {option}: {name} does not read it")
             assert len(err.splitlines()) == 1
-
-
-def test_all_that_is_not_read_is_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["bench", "--fit", "--only", "ours", "--tuning", "--budget", "0.1"]) == 2
-    told = "--tuning, --only, --budget: kmpc bench --fit does not read them; it reads no others"
-    assert told in capsys.readouterr().err

@@ -8,7 +8,7 @@ from emulated_robots import start_command
 from waiting import until
 
 
-def test_emulate_serves_until_it_is_ended_and_tells_where_the_robot_is(desk):
+def test_emulate_serves_until_it_is_ended_and_reports_where_the_robot_is(desk):
     child = start_command(
         "emulate", "mavlink", "--link", "pty:rover", "--start", "0.5", "0.25", "0.1", "--json"
     )

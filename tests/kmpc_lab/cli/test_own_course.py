@@ -64,11 +64,3 @@ def test_a_log_that_never_turns_on_the_spot_is_driven_as_a_car() -> None:
     assert run.outcome is Outcome.REACHED
     curved = np.abs(run.inputs[:, 1]) <= np.abs(run.inputs[:, 0]) / car.turning_radius + 1e-6
     assert curved.all()
-
-
-def test_a_log_that_never_turns_is_refused_in_a_sentence() -> None:
-    straight = record(Robot("straight", speed=1.0, slip=0.03, noise=(0.005, 0.005)), 3)
-    learned = learn(straight, [LOG])
-    learned.made["driven"]["turn"] = 0.0
-    with pytest.raises(kl.ProblemError, match="the log never turns"):
-        course_for(learned, straight, Scenario.load("four_circles_1"))

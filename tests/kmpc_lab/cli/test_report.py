@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -27,23 +26,6 @@ def test_report_of_a_run_and_of_its_model(
 
 
 @NEEDS_PICTURES
-def test_a_report_made_later_tells_how_the_run_was_driven(
-    made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, blank: None
-) -> None:
-    drove = f"simulate --scenario {made}/short.toml --seed 5 -o run.npz --report first.html".split()
-    for words in (drove, ["report", "run.npz", "-o", "later.html"]):
-        monkeypatch.setattr(sys, "argv", ["kmpc", *words])
-        assert cli.main(words) == 0
-    command = "<td>kmpc " + " ".join(drove) + "</td>"
-    first, later = (here / "first.html").read_text(), (here / "later.html").read_text()
-    assert f'<th scope="row">Command</th>{command}' in first and "Driven by" not in first
-    assert (
-        f'<th scope="row">Driven by</th>{command}' in later
-        and "<td>kmpc report run.npz -o later.html</td>" in later
-    )
-
-
-@NEEDS_PICTURES
 def test_report_as_pictures(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["report", str(made / "run.npz"), "--pictures", "figures"]) == 0
     told = [line.split()[-1] for line in capsys.readouterr().out.splitlines()]
@@ -62,7 +44,7 @@ def test_report_as_pictures(made: Path, here: Path, capsys: pytest.CaptureFixtur
         "report {made}/run.npz --pictures {made}/drive.csv",
     ],
 )
-def test_a_report_that_cannot_be_written_is_told_in_one_line(
+def test_a_report_that_cannot_be_written_is_reported_in_one_line(
     line: str, made: Path, here: Path, capsys: pytest.CaptureFixture[str], blank: None
 ) -> None:
     assert cli.main([word.format(made=made) for word in line.split()]) == 2

@@ -11,7 +11,6 @@ from command_folder import NEEDS_PICTURES, SHORT, files
 import kmpc_lite as kl
 from kmpc_lab import Run
 from kmpc_lite.cli import main as cli
-from kmpc_lite.scenario.files import Scenario
 
 
 def test_simulate_drives_and_keeps_the_run(
@@ -28,18 +27,6 @@ def test_simulate_drives_and_keeps_the_run(
     assert files(here) == ["run.npz"]
 
 
-def test_simulate_tells_machines_the_same(
-    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert (
-        cli.main(["simulate", "--scenario", str(made / "short.toml"), "--json", "-o", "run.npz"])
-        == 0
-    )
-    told = json.loads(capsys.readouterr().out)
-    assert told == Run.load("run.npz").summary()
-    assert told["outcome"] == "reached" and told["position_error_m"] < 0.05
-
-
 def test_simulate_drives_with_the_options_of_the_scenario(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -50,23 +37,6 @@ def test_simulate_drives_with_the_options_of_the_scenario(
     (here / "wrong.toml").write_text(f"{SHORT}[controller.guidance]\nlead_tim = 0.3\n")
     assert cli.main(["simulate", "wrong.toml"]) == 2
     assert "did you mean 'lead_time'?" in capsys.readouterr().err
-
-
-def test_simulate_on_a_plant_like_the_model(
-    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = f"--model {made}/robot.npz --scenario {made}/short.toml --plant learned --json"
-    arguments = ["simulate", *words.split()]
-    assert cli.main(arguments) == 0
-    assert json.loads(capsys.readouterr().out)["plant"] == "learned"
-
-
-def test_a_drive_that_does_not_arrive_has_status_one(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (here / "late.toml").write_text(SHORT.replace("timeout = 4.0", "timeout = 0.5"))
-    assert cli.main(["simulate", "--scenario", "late.toml"]) == 1
-    assert capsys.readouterr().out.startswith("timeout after 0.50 s")
 
 
 @NEEDS_PICTURES
@@ -105,7 +75,3 @@ def test_a_drive_that_fails_for_its_lag_says_so(
             and ("hint" in told) == bool(hint)
             and hint in told
         )
-
-
-def test_run_files_of_other_scenarios_can_be_shown_again(made: Path) -> None:
-    assert vars(Run.load(made / "run.npz").scenario) == vars(Scenario.load(made / "short.toml"))

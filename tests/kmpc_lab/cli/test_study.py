@@ -47,7 +47,7 @@ def test_study_prints_the_table(
     ]
 
 
-def test_study_tells_at_once_that_peers_are_missing(
+def test_study_reports_at_once_that_peers_are_missing(
     made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "casadi", None)

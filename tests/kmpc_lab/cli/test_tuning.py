@@ -38,14 +38,6 @@ def test_each_option_changes_the_drive_as_its_name_says(
     assert (tmp_path / "p" / "beside.png").stat().st_size > 10_000
 
 
-def test_a_distance_that_something_else_holds_is_explained(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main("simulate --goal 1.4 0 0 --obstacle 0.7 0 0.15 --margin 0".split()) == 0
-    assert "0.0 cm requested" in (out := capsys.readouterr().out)
-    assert "guidance.wide_clearance" in out and "margins.headway" in out
-
-
 @pytest.mark.parametrize("command", ["simulate", "run --driver mavlink --link tcp:127.0.0.1:1"])
 @pytest.mark.parametrize(
     ("item", "words"),

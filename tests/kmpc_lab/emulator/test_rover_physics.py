@@ -6,11 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from kmpc_lab.emulator.rover.estimator import Estimator
-from kmpc_lab.emulator.rover.parameters import Parameters
 from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 
 LIMITS = DriveLimits(1.0, 1.0, math.radians(120.0), math.radians(120.0))
@@ -64,25 +60,6 @@ def test_turn_steps_lie_in_the_envelope_recorded_from_the_firmware(sign: float) 
     assert at_times(down, sign * 0.6) == pytest.approx(TURN_DOWN, abs=ENVELOPE)
 
 
-def test_acceleration_is_limited_by_the_parameters() -> None:
-    slow = DriveLimits(0.25, 0.5, math.radians(120.0), math.radians(120.0))
-    physics = RoverPhysics()
-    speeds = []
-    for _ in range(200):
-        physics.step(Demand(0.5), slow, DT)
-        speeds.append(physics.velocity[0])
-    assert max(np.diff(speeds)) <= 0.25 * 1.15 * DT
-    assert speeds[-1] > 0.5
-
-
-def test_reverse_mirrors_forward_and_left_mirrors_right() -> None:
-    forward, mirrored = (
-        run(RoverPhysics(), Demand(0.5, 0.4), 2.0),
-        run(RoverPhysics(), Demand(-0.5, -0.4), 2.0),
-    )
-    assert mirrored == pytest.approx(-forward, abs=1e-12)
-
-
 def test_braking_takes_the_measured_distance() -> None:
     physics = RoverPhysics()
     run(physics, Demand(0.5), 6.0)
@@ -106,41 +83,3 @@ def test_the_floor_slips_as_asked_and_the_same_for_the_same_seed() -> None:
     assert far(0.1, 1)[2] == pytest.approx(1.1 * far(0.0, 1)[2], rel=0.03), (
         "the slip's mean is in the heading"
     )
-
-
-@settings(max_examples=30, deadline=None)
-@given(
-    st.lists(
-        st.tuples(
-            st.one_of(st.none(), st.floats(-3.0, 3.0)), st.floats(-5.0, 5.0), st.integers(1, 50)
-        ),
-        max_size=8,
-    )
-)
-def test_stays_finite_and_within_reach_whatever_is_asked(
-    demands: list[tuple[float | None, float, int]],
-) -> None:
-    physics = RoverPhysics()
-    for speed, turn, periods in demands:
-        for _ in range(periods):
-            physics.step(Demand(speed, turn), LIMITS, DT)
-            assert all(map(math.isfinite, (*physics.pose, *physics.velocity)))
-            assert math.hypot(*physics.velocity[:2]) < 1.25 * 3.0
-
-
-def test_the_position_wanders_as_far_as_asked_and_the_same_for_the_same_seed() -> None:
-    def errors(noise: float, seed: int) -> np.ndarray:
-        estimator, physics, found = Estimator(Parameters(), 0.0, noise, seed), RoverPhysics(), []
-        for turn in range(20_000):
-            estimator.step(physics, turn * DT, DT)
-            found.append(estimator.pose[:2])
-        return np.array(found)
-
-    wandering = errors(0.01, 1)
-    assert wandering.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.35)
-    assert np.abs(wandering).max() < 0.06
-    steps = wandering[5::5] - wandering[:-5:5]
-    assert steps.std() == pytest.approx(0.0016, rel=0.2), "in 0.1 s"
-    assert (errors(0.01, 1) == wandering).all()
-    assert (errors(0.01, 2) != wandering).any()
-    assert not errors(0.0, 1).any()

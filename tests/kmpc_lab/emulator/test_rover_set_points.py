@@ -7,9 +7,6 @@ import math
 import pytest
 from ground_station import Ground
 
-from kmpc_lab.emulator.rover.autopilot import GUIDED, HOLD, MANUAL
-from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
-
 
 class TestSetPoints:
     """Masks, frames, signs, limits and the time-out."""
@@ -19,22 +16,6 @@ class TestSetPoints:
         ground = Ground()
         ground.guided()
         assert ground.drive(0.5, 0.3, 4.0, frame=frame) == pytest.approx((0.5, -0.3), abs=0.02)
-
-    def test_the_sign_of_the_turn_is_the_same_in_reverse(self) -> None:
-        ground = Ground()
-        ground.guided()
-        assert ground.drive(-0.5, 0.3, 4.0) == pytest.approx((-0.5, -0.3), abs=0.02)
-
-    def test_the_speed_is_the_norm_of_the_velocity(self) -> None:
-        ground = Ground()
-        ground.guided()
-        assert ground.drive(-0.3, 0.0, 4.0, vy=0.4)[0] == pytest.approx(-0.5, abs=0.02)
-
-    def test_the_speed_is_clipped_to_wp_speed(self) -> None:
-        ground = Ground(parameters={"WP_SPEED": 0.7})
-        ground.guided()
-        assert ground.drive(5.0, 0.0, 5.0)[0] == pytest.approx(0.7, abs=0.02)
-        assert ground.drive(-5.0, 0.0, 6.0)[0] == pytest.approx(-0.7, abs=0.02)
 
     @pytest.mark.parametrize("mask", [0x5D7, 0x5CF, 0x5DF])
     def test_one_ignored_velocity_drops_both_but_not_the_turn(self, mask: int) -> None:
@@ -88,29 +69,4 @@ class TestSetPoints:
         assert ground.rover.counters["aborts"] == 1
         assert "set-point not finite: ArduPilot aborts here" in ground.texts()
         assert [m.severity for m in ground.of("STATUSTEXT") if "aborts" in m.text] == [0]
-        assert ground.rover.stopped
-
-    @pytest.mark.parametrize("mode", [MANUAL, HOLD])
-    def test_only_in_guided(self, mode: int) -> None:
-        ground = Ground()
-        ground.guided()
-        ground.rover.pilot_mode(mode)
-        assert ground.drive(0.5, 0.0, 1.0) == (0.0, 0.0)
-
-    def test_not_before_there_is_an_origin(self) -> None:
-        ground = Ground(parameters=MOTION_CAPTURE)
-        ground.run(3.0)
-        ground.rover.autopilot.mode = GUIDED
-        ground.set_point(0.5, 0.0)
-        ground.run(0.1)
-        assert ground.rover.counters["ignored_set_points"] == 1
-
-    def test_a_new_start_in_guided_forgets_the_last_set_point(self) -> None:
-        ground = Ground()
-        ground.guided()
-        ground.drive(0.5, 0.0, 1.0)
-        ground.rover.pilot_mode(HOLD)
-        ground.run(2.0)
-        ground.rover.pilot_mode(GUIDED)
-        ground.run(0.5)
         assert ground.rover.stopped

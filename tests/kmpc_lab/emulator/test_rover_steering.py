@@ -66,7 +66,7 @@ def test_a_rover_that_is_asked_for_more_drives_its_tightest_circle() -> None:
     assert rover.velocity[2] == pytest.approx(math.hypot(east, north) / RADIUS, rel=0.01)
 
 
-def test_a_robot_files_car_is_emulated_as_one_and_turns_as_it_is_told_by_set_points() -> None:
+def test_a_robot_files_car_is_emulated_as_one_and_turns_as_commanded_by_set_points() -> None:
     link = {"url": "pty:rover", "driver": "mavlink"}
     wheels = {"kind": "car", "turning_radius": RADIUS}
     robot = load_robot(None, {"link": link, "robot": {"wheels": wheels}})

@@ -53,7 +53,7 @@ def test_a_roboclaw_turns_the_twins_wheels_and_its_watchdog_stops_them(board):
     assert emulator.stopped and max(map(abs, twin.velocity)) < 1e-3
 
 
-def test_the_rovers_loops_turn_the_twin_as_told_though_its_wheels_slide():
+def test_the_rovers_loops_turn_the_twin_as_commanded_though_its_wheels_slide():
     twin = Twin()
     rig = Rig(MavlinkOptions(arm=True), physics=TwinRover(twin))
     rig.take()
@@ -116,9 +116,3 @@ def test_the_twin_is_driven_past_an_obstacle_through_a_pty(desk, capsys):
     assert status == 0 and report["outcome"] == "arrived" and report["clearance_m"] > 0.0, report
     x, y, _ = json.loads(said.splitlines()[-1])["pose"]
     assert math.hypot(x - 0.7, y - 0.15) < 0.08
-
-
-def test_without_mujoco_the_command_says_what_to_install(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert main(["emulate", "mavlink", "--physics", "mujoco", "--link", "pty:unused"]) == 2
-    assert "pip install 'kmpc-lab[twin]'" in capsys.readouterr().err

@@ -5,19 +5,12 @@ The same predictions, constraints kept, the same promises of `step`.
 
 from __future__ import annotations
 
-import builtins
-import subprocess
-import sys
-from typing import Any
-
 import numpy as np
 import pytest
 
-import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.peers.ipopt import IpoptController, symbolic_step
 
-casadi = pytest.importorskip("casadi", reason="needs the extra peers")
 DT = 0.1
 GOAL = (1.5, 1.5, 0.0)
 CIRCLES = [kl.Circle(0.6, 0.6, 0.15), kl.Circle(1.35, 0.45, 0.12, 0.0, 0.05)]
@@ -96,27 +89,7 @@ def test_plans_keep_every_constraint(solver: str) -> None:
     assert x[0] > 0.2
 
 
-def test_changes_of_commands_are_limited_from_the_one_sent_last() -> None:
-    problem = kl.NavigationProblem(du_max=(1.0, 3.0))
-    controller, x, before = (
-        IpoptController(kl.nominal_unicycle(DT), problem),
-        np.array([0.0, 0.0, 0.3]),
-        np.zeros(2),
-    )
-    for _ in range(12):
-        plan = controller.step(x, GOAL, CIRCLES[:1])
-        assert plan.status is kl.PlanStatus.SOLVED
-        assert (
-            np.abs(np.diff(np.vstack([before, plan.inputs]), axis=0)) <= DT * problem.du_max + 1e-6
-        ).all()
-        assert (np.abs(plan.command - before) <= DT * problem.du_max + 1e-12).all()
-        before, x = plan.command, controller.model.predict(x, plan.command)
-    assert before[0] > 0.3
-    with pytest.raises(kl.ProblemError, match="du_max"):
-        IpoptController(kl.nominal_unicycle(DT), problem, solver="fatrop")
-
-
-def test_an_impossible_problem_is_told_and_the_command_still_bounded() -> None:
+def test_an_impossible_problem_is_reported_and_the_command_still_bounded() -> None:
     problem = kl.NavigationProblem()
     # the robot stands deep in an obstacle that it cannot leave within one period, and nothing is
     # soft here
@@ -127,36 +100,3 @@ def test_an_impossible_problem_is_told_and_the_command_still_bounded() -> None:
     assert plan.reason
     assert np.isfinite(plan.command).all()
     assert (np.abs(plan.command) <= problem.bounds[1]).all()
-
-
-def test_models_with_an_input_history_are_refused() -> None:
-    data = kmpc_lab.generate_dataset(kmpc_lab.DifferentialDrive(), episodes=10, steps=40, dt=DT)
-    model = kl.fit(data, kl.InputHistoryDictionary(kl.UnicycleDictionary(), lags=(0, 1)))
-    with pytest.raises(kl.ProblemError, match="history"):
-        IpoptController(model)
-
-
-def test_without_casadi_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    real_import = builtins.__import__
-
-    def no_casadi(name: str, *rest: Any, **named: Any) -> Any:
-        if name.partition(".")[0] == "casadi":
-            raise ImportError("No module named 'casadi'")
-        return real_import(name, *rest, **named)
-
-    monkeypatch.setattr(builtins, "__import__", no_casadi)
-    with pytest.raises(kl.KmpcError, match=r"pip install 'kmpc-lab\[peers\]'"):
-        IpoptController(kl.nominal_unicycle(DT))
-
-
-def test_the_core_never_imports_a_peer_or_a_picture() -> None:
-    code = (
-        "import sys, kmpc_lite; print([m for m in ('casadi', 'matplotlib', 'qpsolvers', "
-        "'pymavlink', 'mujoco') if m in sys.modules])"
-    )
-    assert (
-        subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        ).stdout.strip()
-        == "[]"
-    )

@@ -27,7 +27,7 @@ def test_ours_converges_to_what_ipopt_finds() -> None:
     assert "as good on 24 of the 24 states" in format_comparison(rows)
 
 
-def test_a_start_in_an_obstacle_is_told_apart() -> None:
+def test_a_start_in_an_obstacle_is_distinguished() -> None:
     model, problem = learned_model(), NavigationProblem()
     inside = RecordedDrive(
         np.array([[0.3, 0.0, 3.5]]),

@@ -5,18 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from report_page import FIT, LIMITS, MODEL, Page, some
+from report_page import FIT, LIMITS, some
 
 import kmpc_lite as kl
 from kmpc_lab.report import (
     commands_picture,
-    errors_picture,
-    fit_picture,
     map_picture,
-    overlay_picture,
-    timing_picture,
     write_pictures,
-    write_report,
 )
 
 
@@ -69,19 +64,6 @@ def test_the_map_is_to_scale_and_shows_where_the_robot_hit(runs):
     ]
 
 
-def test_everything_on_the_map_is_in_view(runs):
-    for name in ("reached", "moving", "timeout", "corridor"):
-        run = runs[name]
-        axes = map_picture(run).axes[0]
-        low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
-        assert (run.path[:, :2] - run.scenario.radius >= low).all() and (
-            run.path[:, :2] + run.scenario.radius <= high
-        ).all()
-        assert (np.array(run.scenario.goal[:2]) < high).all() and (
-            np.array(run.scenario.goal[:2]) > low
-        ).all()
-
-
 def test_commands_are_drawn_with_limits_and_statuses(runs):
     run = runs["blind"]
     speed, turn = commands_picture(run, **LIMITS).axes
@@ -107,73 +89,3 @@ def test_commands_are_drawn_with_limits_and_statuses(runs):
     ]
     with pytest.raises(kl.KmpcError, match="u_max: expected two numbers"):
         commands_picture(run, (-1.0, -1.0), (1.0,))
-
-
-def test_errors_and_times_agree_with_the_run(runs):
-    run = runs["reached"]
-    distance, heading, clearance = errors_picture(run).axes
-    curve = clearance.lines[0].get_ydata()
-    assert curve[1:].min() == pytest.approx(run.clearance, abs=1e-12)
-    assert distance.lines[0].get_ydata()[-1] == pytest.approx(run.position_error)
-    assert abs(heading.lines[0].get_ydata()[-1]) == pytest.approx(run.heading_error)
-    assert len(errors_picture(runs["empty"]).axes) == 2
-    texts = [
-        t.get_text()
-        for t in timing_picture(replace(run, step_times=np.linspace(1e-3, 3e-3, len(run.inputs))))
-        .legends[0]
-        .get_texts()
-    ]
-    assert texts == [
-        "half within 2.00 ms (p50)",
-        "99 % within 2.98 ms (p99)",
-        "all within 3.00 ms (max)",
-        "budget: the period, 100 ms",
-    ]
-
-
-def test_fit_errors_come_from_the_report_or_from_the_model(runs, tmp_path, blank):
-    widths = [[bar.get_width() for bar in panel.patches] for panel in fit_picture(FIT).axes]
-    np.testing.assert_allclose(widths, [[1, 4, 11, 21], [2, 5, 12, 22], [3, 6, 13, 23]])
-    diverged = fit_picture(replace(FIT, multi_step=(np.inf,) * 3, nominal_multi_step=(np.inf,) * 3))
-    diverged.draw_without_rendering()
-    assert [t.get_text() for t in diverged.axes[0].texts] == [
-        "1 mm",
-        "4 mm",
-        "diverged",
-        "diverged",
-    ]
-    kept = replace(
-        MODEL,
-        info={
-            "method": "integral",
-            "rank": 18,
-            "features": 20,
-            "held_out": {**FIT.as_dict(), "one_step": [0.001, 0.002, 0.003]},
-        },
-    )
-    write_report(tmp_path / "kept.html", runs["single"], kept)
-    page = Page(tmp_path / "kept.html")
-    assert (
-        "1234 starts" in page.words
-        and "Rank 18 of 20 features" in page.words
-        and len(page.svgs()) == 5
-    )
-    write_report(
-        tmp_path / "none.html", runs["single"], replace(MODEL, info={"held_out": {"horizon": 1.0}})
-    )
-    assert "starts in driving" not in Page(tmp_path / "none.html").words
-    write_report(tmp_path / "bare.html", runs["single"])
-    assert "The model" not in Page(tmp_path / "bare.html").words
-
-
-def test_overlay_groups_runs_by_label(runs):
-    chosen = [runs["reached"], runs["timeout"], runs["reached"]]
-    figure = overlay_picture(chosen, ["ours", "_peer $\\frac{", "ours"])
-    figure.draw_without_rendering()
-    texts = [t.get_text().strip() for t in figure.legends[0].get_texts()]
-    assert texts[:3] == ["ours (2)", "_peer $\\frac{", "out of time"]
-    assert figure.axes[0].get_title(loc="left") == "3 runs: 2 reached, 0 collided, 1 out of time"
-    with pytest.raises(kl.KmpcError, match="another map"):
-        overlay_picture([runs["reached"], runs["empty"]], ["a", "b"])
-    with pytest.raises(kl.KmpcError, match="2 runs and 1 labels"):
-        overlay_picture([runs["reached"]] * 2, ["a"])

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import kmpc_lite as kl
-from kmpc_lab.sim.closed_loop import Outcome, drive
-from kmpc_lab.sim.lidar import Lidar, LidarSpec, box_edges, scan_ranges
-from kmpc_lite.scenario.files import Scenario
+from kmpc_lab.sim.lidar import LidarSpec, box_edges, scan_ranges
 from kmpc_lite.scenario.world import World
 
 NOTHING = np.empty((0, 5)), np.empty((0, 4))
@@ -45,34 +42,3 @@ def test_circles_move_and_a_scanner_has_reach_noise_and_dropouts() -> None:
     assert np.isinf(ranges).any() and not (ranges[np.isfinite(ranges)] > 2.0).any()
     ahead = np.abs(directions) < 0.1
     assert np.nanstd(ranges[ahead] * np.cos(directions[ahead])) == pytest.approx(0.01, rel=0.2)
-
-
-def test_a_scenarios_polygons_walls_and_grid_are_seen() -> None:
-    for name in ("polygons", "walls_door", "room_grid"):
-        scenario = Scenario.load(name)
-        assert scenario.solids is not None
-        scan = Lidar(scenario, LidarSpec(2.0, noise=0.0, dropout=0.0)).scan(
-            np.array(scenario.start), 0.0
-        )
-        cos, sin = np.cos(scenario.start[2]), np.sin(scenario.start[2])
-        hits = np.array(scenario.start[:2]) + scan.points @ np.array([[cos, sin], [-sin, cos]])
-        gaps = scenario.solids.whole.least(hits)
-        if scenario.circles:
-            circles = np.array(scenario.circles)
-            away = hits[:, None] - circles[:, :2]
-            gaps = np.minimum(gaps, (np.hypot(*away.T).T - circles[:, 2]).min(axis=1))
-        assert len(hits) and np.abs(gaps).max() < 1e-6
-
-
-def test_a_scenario_is_driven_by_sight_and_the_scans_are_recorded() -> None:
-    scenario = Scenario.load("four_circles_1")
-    controller = kl.Controller(kl.nominal_unicycle(0.1), scenario.problem())
-    told = []
-    run = drive(
-        controller,
-        scenario,
-        lidar=Lidar(scenario, LidarSpec(2.0)),
-        watch=lambda time, pose, obstacles, plan: told.append(obstacles),
-    )
-    assert run.outcome is Outcome.REACHED
-    assert all(isinstance(seen[0], kl.LaserScan) for seen in told)

@@ -7,21 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kmpc_lab.sim.plants.followers import CarPlant, Chassis, Follower, OmniPlant, Rollers
+from kmpc_lab.sim.plants.followers import Follower, OmniPlant, Rollers
 from kmpc_lab.studies.any_wheels import STEERING, draw_car, draw_omni
 from kmpc_lab.studies.robot_drives import drive_random
 from kmpc_lite.control.wheels import Car
 
 AT_ONCE = Follower(0.0, (np.inf, np.inf), (0.0, 0.0))
-
-
-def test_a_car_drives_the_circle_of_its_steering_angle() -> None:
-    chassis = Chassis(0.5, 0.5, AT_ONCE, understeer=0.25)
-    plant, pose = CarPlant(chassis, 0.1, 0), np.zeros(3)
-    for _ in range(10):
-        pose = plant.drive(pose, np.array((1.0, 0.4)))[-1]
-    assert pose[2] == pytest.approx(np.tan(0.4) / 0.5 / 1.25)
-    assert np.hypot(*pose[:2]) == pytest.approx(2.0 / pose[2] * np.sin(0.5 * pose[2]), rel=1e-3)
 
 
 def test_motors_answer_after_their_dead_time_and_no_faster_than_their_rate() -> None:
@@ -36,7 +27,7 @@ def test_motors_answer_after_their_dead_time_and_no_faster_than_their_rate() -> 
 
 
 @pytest.mark.parametrize("column", STEERING)
-def test_a_car_is_recognised_however_its_log_tells_the_steering(column: str) -> None:
+def test_a_car_is_recognised_however_its_log_reports_the_steering(column: str) -> None:
     drawn = draw_car(31000)
     obeys = replace(drawn.chassis, follower=replace(AT_ONCE, rates=(np.inf, 9.0)), understeer=0.0)
     robot = replace(drawn, column=column, noise=(0.0, 0.0), chassis=obeys)
@@ -46,12 +37,6 @@ def test_a_car_is_recognised_however_its_log_tells_the_steering(column: str) -> 
     assert ready.problem.wheels.turning_radius == pytest.approx(told, rel=0.2)
 
 
-@pytest.mark.parametrize("kind", ["car"])
-def test_a_robot_on_other_wheels_arrives_without_touching(kind: str) -> None:
-    row = drive_random(31001, wheels=kind)
-    assert row.in_pose and not row.collided
-
-
 def test_draws_are_of_all_sizes_and_the_same_again() -> None:
     cars, omnis = ([draw(seed) for seed in range(60)] for draw in (draw_car, draw_omni))
     assert cars[7] == draw_car(7) and omnis[7] == draw_omni(7)
@@ -59,3 +44,9 @@ def test_draws_are_of_all_sizes_and_the_same_again() -> None:
     sizes = [car.radius for car in cars]
     assert min(sizes) < 0.1 and max(sizes) > 1.0
     assert {omni.footprint is None for omni in omnis} == {True, False}
+
+
+@pytest.mark.parametrize("kind", ["car"])
+def test_a_robot_on_other_wheels_arrives_without_touching(kind: str) -> None:
+    row = drive_random(31001, wheels=kind)
+    assert row.in_pose and not row.collided

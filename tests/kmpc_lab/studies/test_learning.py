@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.studies.learning import (
@@ -11,8 +10,6 @@ from kmpc_lab.studies.learning import (
     compare,
     format_harm,
     format_ratios,
-    nominal_log,
-    open_loop_errors,
     study_lagging,
     study_nominal,
 )
@@ -26,16 +23,6 @@ def test_a_lagging_robot_errs_by_a_quarter_of_nominal_at_most() -> None:
 def test_a_nominal_robot_is_not_harmed() -> None:
     rows = study_nominal(robots=1)
     assert "harmed 0 (0.0 %)" in format_harm(rows)
-
-
-def test_errors_are_those_of_an_evaluation_from_the_same_starts() -> None:
-    data, model = nominal_log(1).windows(10.0), kl.nominal_unicycle(0.1)
-    ours = np.concatenate(open_loop_errors(model, data.episodes, first=0.0))
-    expected = kl.evaluate(model, data).multi_step
-    np.testing.assert_allclose(np.sqrt((ours**2).mean(axis=0)), expected)
-    late = kl.fit(data, lags=(0, 8))
-    with pytest.raises(kl.DataError, match="history of 8 periods does not fit"):
-        open_loop_errors(late, data.episodes)
 
 
 def test_a_bound_is_above_its_ratio_and_what_is_worse_is_counted() -> None:

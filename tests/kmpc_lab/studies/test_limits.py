@@ -11,15 +11,6 @@ from kmpc_lab.studies.accelerations import LimitedDrive
 ROBOT = "1.5 m/s, 1.5 m/s^2, 5 rad/s^2"
 
 
-def test_the_ideal_time_is_that_of_ramps() -> None:
-    start, far, near = np.zeros(3), np.array((6.0, 0.0, 0.0)), np.array((0.54, 0.0, 0.0))
-    # 1 s to full speed and 1 s to rest lead 1.5 m; what is nearer is driven by ramps alone
-    assert accelerations.ideal_seconds(ROBOT, start, far) == pytest.approx(1.0 + 4.0)
-    assert accelerations.ideal_seconds(ROBOT, start, near) == pytest.approx(2.0 * 0.6)
-    turned = np.array((6.0, 0.0, 0.2))
-    assert accelerations.ideal_seconds(ROBOT, start, turned) == pytest.approx(5.0 + 0.4)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_fields_have_gaps_that_the_robot_can_drive_through(seed: int) -> None:
     robot = accelerations.robot_of(ROBOT)
@@ -36,7 +27,7 @@ def test_the_robot_drives_by_what_it_sees_as_fast_as_the_law_says() -> None:
     assert 0.75 * point.law < point.speed < 1.05 * point.law
 
 
-def test_a_drive_of_a_row_is_counted_and_told() -> None:
+def test_a_drive_of_a_row_is_counted_and_reported() -> None:
     row = accelerations.drive(ROBOT, "given", 0.0, 3)
     assert row.in_pose and not row.collided and row.stopped + row.feasible < 0.2
     slower = LimitedDrive(**{**vars(row), "knows": "learned", "seconds": 2.0 * row.seconds})

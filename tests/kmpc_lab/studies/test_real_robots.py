@@ -39,14 +39,6 @@ def test_a_plant_stands_at_zero_command_and_errs_when_it_drives(
     assert 1e-3 < spread[0] < 0.05
 
 
-def test_motors_that_lag_reach_a_command_late(log: kl.Dataset, model: kl.KoopmanModel) -> None:
-    moved = {}
-    for lag in (0.0, 0.3):
-        plant, pose = RealPlant(model, log, 1, lag), np.zeros(3)
-        moved[lag] = plant.drive(pose, np.array([0.6, 0.0]))[-1, 0]
-    assert moved[0.3] < 0.5 * moved[0.0]
-
-
 def test_it_drives_the_other_half_of_a_log_to_its_pose(tmp_path: Path, log: kl.Dataset) -> None:
     log.save(tmp_path / "skidding.csv")
     real = real_robot(tmp_path / "skidding.csv", 0.3, 0.8, 1.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,37 +16,6 @@ from kmpc_lite.errors import DataError
 
 def file(path: Path | None) -> RecordFile:
     return RecordFile(path, lambda record: record["name"], "a thing")
-
-
-def test_what_was_added_is_read_back(tmp_path: Path) -> None:
-    path = tmp_path / "some.jsonl"
-    assert file(path).read() == {} and path.exists()
-    file(path).add([{"name": "a", "value": 0.1}, {"name": "b", "value": None}])
-    file(path).add([{"name": "a", "value": 0.2}])
-    assert file(path).read() == {
-        "a": {"name": "a", "value": 0.2},
-        "b": {"name": "b", "value": None},
-    }
-
-
-def test_a_line_that_was_cut_off_is_removed(tmp_path: Path) -> None:
-    path = tmp_path / "some.jsonl"
-    path.write_text('{"name": "a"}\n{"na')
-    assert list(file(path).read()) == ["a"]
-    file(path).add([{"name": "b"}])
-    assert [json.loads(line)["name"] for line in path.read_text().splitlines()] == ["a", "b"]
-
-
-def test_a_foreign_line_is_refused_with_its_number(tmp_path: Path) -> None:
-    path = tmp_path / "some.jsonl"
-    path.write_text('{"name": "a"}\n{"other": 1}\n')
-    with pytest.raises(kl.DataError, match="some.jsonl: line 2: expected a thing, got"):
-        file(path).read()
-
-
-def test_without_a_file_nothing_is_kept() -> None:
-    file(None).add([{"name": "a"}])
-    assert file(None).read() == {}
 
 
 def test_an_earlier_runs_records_are_gone_on_from_only_when_asked(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from kmpc_lab.studies.records import Work
 
 
 @pytest.mark.parametrize("turning", [False, True])
-def test_people_walk_at_their_pace_and_stay_about(turning: bool) -> None:
+def test_pedestrians_walk_at_their_pace_and_stay_about(turning: bool) -> None:
     crowd = Pedestrians(Walks(8, turning), 1, np.zeros(2))
     assert (np.hypot(*crowd.circles[:, :2].T) >= 1.5).all()
     for _ in range(300):
@@ -26,7 +26,7 @@ def test_people_walk_at_their_pace_and_stay_about(turning: bool) -> None:
         assert np.abs(there).max() < 4.5
 
 
-def test_a_contact_is_told_by_who_moves() -> None:
+def test_a_contact_is_attributed_to_what_moves() -> None:
     stood = np.zeros((200, 2))
     assert pedestrians._kind(stood, np.array([0.4, 0.0])) == "walked_into"
     drives = np.column_stack([0.006 * np.arange(200), np.zeros(200)])
@@ -39,7 +39,7 @@ def test_a_contact_is_told_by_who_moves() -> None:
     assert pedestrians._kind(stops, stops[-1] + (0.4, 0.0)) == "met"
 
 
-def test_records_of_people_are_resumed_and_told(tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+def test_records_of_pedestrians_are_resumed_and_reported(tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
     monkeypatch.setattr(pedestrians, "TIMEOUT", 3.0)
     path = tmp_path / "people.jsonl"
     work = Work(Inline(), records=path)
@@ -51,7 +51,7 @@ def test_records_of_people_are_resumed_and_told(tmp_path, monkeypatch) -> None: 
 
 
 @pytest.mark.parametrize("kind", jumps.KINDS)
-def test_a_pose_jumps_as_often_and_as_long_as_told(kind: str) -> None:
+def test_a_pose_jumps_as_often_and_as_long_as_given(kind: str) -> None:
     made, wrong = jumps.Jumps(kind, 0.3, 1), []
     for k in range(300):
         wrong.append(made.at(0.1 * k) + made.frame)

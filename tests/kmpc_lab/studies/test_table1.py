@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from executors import Inline
-from scripted import Scripted, field
 
-import kmpc_lite as kl
-from kmpc_lab import Outcome, drive
-from kmpc_lab.studies.contenders import TABLE_1_CONTENDERS, Contender
+from kmpc_lab import Outcome
+from kmpc_lab.studies.contenders import Contender
 from kmpc_lab.studies.records import Work
-from kmpc_lab.studies.table1 import Cell, format_table1, run_trials, table1
-from kmpc_lab.studies.training import DT, LAMBDAS, train
+from kmpc_lab.studies.table1 import Cell, format_table1, table1
+from kmpc_lab.studies.training import LAMBDAS
 from kmpc_lite.scenario.files import Scenario
 
 OURS = Contender("ours", fit=None, margin=0.02)
@@ -52,51 +49,6 @@ def test_cells_are_by_controller_then_slip_then_generalisation() -> None:
     assert done == [(k, 8) for k in range(9)]
 
 
-def test_every_controller_meets_the_same_floors() -> None:
-    cells = table1(small_map(), Work(Inline()), 3, (OURS, LEARNED), (0.1,), SMALL)
-    seeds = [[r["seed"] for r in c.runs] for c in cells]
-    assert all(s == seeds[0] for s in seeds)
-    assert len(set(seeds[0])) == 3
-    assert min(seeds[0]) >= 500_000  # none that anything was tuned on
-
-
-def test_training_is_the_papers_at_one_slip() -> None:
-    model = train(0.05, "edmdc", 5, 40)
-    assert model.info["method"] == "edmdc" and model.info["samples"] == 200
-    assert model.dt == DT
-    np.testing.assert_array_equal(model.A, train(0.05, "edmdc", 5, 40).A)
-    assert np.abs(model.A - train(0.1, "edmdc", 5, 40).A).max() > 1e-6
-
-
-def test_trials_are_drives_of_the_scenario_with_each_seed() -> None:
-    scenario = replace(small_map(), slip=0.1)
-    results = run_trials(OURS, kl.nominal_unicycle(0.1), scenario, [7, 8], 1e-2)
-    for seed, result in zip((7, 8), results, strict=True):
-        controller = kl.Controller(
-            kl.nominal_unicycle(0.1), replace(scenario.problem(), margin=0.02)
-        )
-        run = drive(controller, replace(scenario, seed=seed), stop_norm=1e-2)
-        assert result["seed"] == seed
-        assert (result["outcome"], result["duration_s"]) == (run.outcome.value, run.duration)
-        assert result["clearance_m"] == pytest.approx(run.clearance, abs=1e-3)
-        assert result["arrival_s"] == run.arrival
-
-
-def test_the_five_rows_of_the_table_can_be_built() -> None:
-    assert len({s.label for s in TABLE_1_CONTENDERS}) == len(TABLE_1_CONTENDERS)
-    rows = {(s.form == "ipopt", s.fit) for s in TABLE_1_CONTENDERS}
-    # the paper's two, and ours with the paper's fit and with the other
-    assert rows >= {(True, None), (True, "edmdc"), (False, "edmdc"), (False, "integral")}
-    pytest.importorskip("casadi", reason="needs the extra peers")
-    for spec in TABLE_1_CONTENDERS:
-        assert (
-            spec.build(kl.nominal_unicycle(0.1), small_map())
-            .step((0.0, 0.0, 0.0), (0.6, 0.0, 0.0))
-            .command[0]
-            > 0.0
-        )
-
-
 def result(
     outcome: Outcome, duration: float, arrival: float | None = None, clearance: float = 0.1
 ) -> dict[str, Any]:
@@ -125,14 +77,6 @@ def test_a_cell_counts_and_averages() -> None:
     assert Cell("x", None, 0.0, runs[:1]).mean("duration_s", collided=True) is None
     plain = cell.as_dict()
     assert plain["trials"] == 5 and plain["collisions"] == 2 and len(plain["runs"]) == 5
-
-
-def test_arrival_is_the_first_time_within_the_tolerances() -> None:
-    there = [(0.5, 0.0)] * 20 + [(0.0, 0.0)]
-    assert drive(Scripted(*there), field(), stop_norm=1e-6).arrival == pytest.approx(1.9)
-    # right through it, and out again
-    assert drive(Scripted((0.5, 0.0)), field(), stop_norm=1e-6).arrival == pytest.approx(1.9)
-    assert drive(Scripted((0.5, 0.2)), field(), stop_norm=1e-6).arrival is None
 
 
 def cells_of(label: str, trained: bool, collisions: int) -> list[Cell]:

@@ -11,23 +11,6 @@ from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.scale import Scale
 
 
-def test_headings_may_wrap():
-    adaptation, other = OnlineAdaptation(model_of(0.0)), OnlineAdaptation(model_of(0.0))
-    random, x, plant = (
-        np.random.default_rng(0),
-        np.array([0.0, 0.0, 3.1]),
-        DifferentialDrive(turn_gain=0.7),
-    )
-    for _ in range(60):
-        u = random.uniform(-1, 1, 2) * U_MAX
-        after = plant.step(x, u, DT)
-        adaptation.update(x, u, after)
-        other.update(x, u, (after[0], after[1], np.remainder(after[2] + np.pi, 2 * np.pi) - np.pi))
-        x = after
-    assert adaptation.counts == other.counts and adaptation.counts.models > 0
-    np.testing.assert_allclose(adaptation.gains, other.gains, atol=1e-9)
-
-
 def test_a_heading_that_has_turned_full_circles_is_still_the_same_heading():
     # a model fitted on noise knows a little of the heading itself: nothing true of one that was
     # never in its log

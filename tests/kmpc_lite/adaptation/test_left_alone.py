@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from slipping_floors import DT, NOISY, U_MAX, errors, go, model_of, noisy_model
+from slipping_floors import DT, U_MAX, go, model_of
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite.adaptation.online import OnlineAdaptation
 
 LASTING = [1500, pytest.param(10_000, marks=pytest.mark.long)]
 """Steps in which nothing happens."""
-LASTING_NOISE = pytest.param(0.0, 10_000, marks=pytest.mark.long)
 
 
 @pytest.mark.parametrize("steps", LASTING)
@@ -49,24 +48,6 @@ def test_long_turns_on_the_spot_are_no_reason_to_relearn_driving(slip, steps):
         noise=(0.005, 0.005, 0.02),
         commands=turning,
     )
-
-
-@pytest.mark.parametrize(("slip", "steps"), [(0.0, 1500), (0.1, 1500), LASTING_NOISE])
-def test_a_good_model_of_a_noisy_log_is_left_alone(slip, steps):
-    model = noisy_model(slip)
-    adaptation = OnlineAdaptation(model)
-    assert not go(adaptation, DifferentialDrive(slip, seed=3), steps, 3, noise=NOISY)
-    assert adaptation.model is model
-
-
-@pytest.mark.long
-def test_slip_that_looks_like_a_change_once_in_a_quarter_of_an_hour_does_no_harm():
-    """Two seconds in which slip happens to lie far off its mean."""
-    adaptation = OnlineAdaptation(noisy_model(0.1))
-    given = go(adaptation, DifferentialDrive(0.1, seed=3), 10_000, 3, noise=NOISY)
-    assert len(given) <= 4
-    ratios = errors(adaptation.model, 0.1, 1.0) / errors(noisy_model(0.1), 0.1, 1.0)
-    assert ratios.max() < 1.05
 
 
 @pytest.mark.parametrize("steps", [8000, pytest.param(100_000, marks=pytest.mark.long)])

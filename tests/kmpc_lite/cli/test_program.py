@@ -9,35 +9,10 @@ import sys
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_folder import SHORT
-
-import kmpc_lite as kl
-
-
-def run_kmpc(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "kmpc_lite.cli.main", *arguments],
-        text=True,
-        capture_output=True,
-        timeout=60,
-        check=False,
-        **options,
-    )
-
-
-def test_it_is_a_program() -> None:
-    done = run_kmpc("--version")
-    assert (done.returncode, done.stdout.strip(), done.stderr) == (
-        0,
-        f"kmpc_lite {kl.__version__}",
-        "",
-    )
-    done = run_kmpc("simulate", "--scenario", "nowhere")
-    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and done.stdout == ""
 
 
 @pytest.mark.parametrize(
@@ -67,13 +42,6 @@ def test_a_reader_that_leaves_is_no_error(made: Path, command: list[str], buffer
         reader.stdin.close()
     assert done.stderr == ""
     assert done.returncode == 141
-
-
-def test_nobody_need_listen_at_all() -> None:
-    """As behind ``>&-``: there is no standard output, and nothing is said of it."""
-    command = f"{sys.executable} -m kmpc_lite.cli.main fit --help >&-"
-    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, timeout=60)
-    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
 
 
 def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:

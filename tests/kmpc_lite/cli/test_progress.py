@@ -23,7 +23,7 @@ def last(capsys: pytest.CaptureFixture[str]) -> str:
     return capsys.readouterr().err.rpartition("\x1b[2K")[2]
 
 
-def test_the_time_left_is_told_once_something_is_done(
+def test_the_time_left_is_reported_once_something_is_done(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = terminal(monkeypatch)
@@ -36,18 +36,6 @@ def test_the_time_left_is_told_once_something_is_done(
     now[0] = 40.0
     bar(160, 160)
     assert last(capsys) == f"work [{'#' * 30}] 160/160\n"
-
-
-def test_what_an_earlier_run_did_makes_no_estimate(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    now = terminal(monkeypatch)
-    bar = ProgressBar("work")
-    bar(100, 160)
-    assert last(capsys).endswith("100/160  time left not known yet")
-    now[0] = 20.0
-    bar(110, 160)
-    assert last(capsys).endswith("110/160  about 2 min left")
 
 
 @pytest.mark.parametrize(

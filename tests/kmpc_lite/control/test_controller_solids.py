@@ -7,10 +7,6 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
-from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
-from kmpc_lite.control.world.solids import Solids
 
 SOLIDS = [kl.Polygon([(0.5, -0.2), (0.9, -0.2), (0.8, 0.3)]), kl.Wall(-0.5, 0.6, 0.8, 0.7, 0.05)]
 
@@ -21,44 +17,6 @@ def cells(*occupied: tuple[int, int, int, int], size: int = 80) -> kl.OccupancyG
     for x0, y0, x1, y1 in occupied:
         grid[y0:y1, x0:x1] = True
     return kl.OccupancyGrid(grid, 4.0 / size, (-2.0, -2.0, 0.0))
-
-
-def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
-    """A circle comes from behind: a free robot goes on ahead, one that faces a wall turns aside."""
-    circles, speed = np.array([[-0.9, 0.0, 0.2, 0.3, 0.0]]), np.array([0.6, 0.7])
-    times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
-    table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), 0.15))
-    things = things_of(circles)
-    wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
-    _, free = MovingObstacles(things, 0.15, speed, table).evasive_arc(pose, -1, times)
-    _, held = MovingObstacles(things, 0.15, speed, table, wall).evasive_arc(pose, -1, times)
-    assert wall.whole.least(free[:, :2]).min() < 0.15
-    assert wall.whole.least(held[:, :2]).min() >= 0.15
-
-
-def test_solids_turn_with_the_map(nominal: kl.KoopmanModel) -> None:
-    """The same plan in a map that is turned by a quarter."""
-    problem = kl.NavigationProblem()
-    turned = [
-        kl.Polygon([(-y, x) for x, y in SOLIDS[0].vertices]),
-        kl.Wall(-0.6, -0.5, -0.7, 0.8, 0.05),
-    ]
-    plan = kl.Controller(nominal, problem).step((0.0, 0.0, 0.3), (1.5, 0.5, 0.0), SOLIDS)
-    other = kl.Controller(nominal, problem).step(
-        (0.0, 0.0, 0.3 + np.pi / 2), (-0.5, 1.5, np.pi / 2), turned
-    )
-    np.testing.assert_allclose(other.command, plan.command, atol=2e-3)
-    np.testing.assert_allclose(other.states[:, 0], -plan.states[:, 1], atol=5e-3)
-    assert other.clearance == pytest.approx(plan.clearance, abs=1e-3)
-
-
-def test_a_clearance_that_is_asked_for_later_is_that_of_its_own_step(
-    nominal: kl.KoopmanModel,
-) -> None:
-    controller = kl.Controller(nominal)
-    first = controller.step((0.0, 0.0, 0.0), (-1.5, 0.0, np.pi), [kl.Wall(0.5, -1.0, 0.5, 1.0)])
-    controller.step((0.0, 0.0, 0.0), (-1.5, 0.0, np.pi), [kl.Wall(0.3, -1.0, 0.3, 1.0)])
-    assert first.clearance == pytest.approx(0.5 - 0.15, abs=0.02)
 
 
 @pytest.mark.parametrize(

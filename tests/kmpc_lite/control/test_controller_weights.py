@@ -44,15 +44,6 @@ def test_a_larger_weight_of_the_turn_rate_makes_turns_slower(options: dict[str, 
 
 
 @pytest.mark.parametrize("options", MODES)
-def test_a_larger_weight_of_the_speed_makes_the_drive_slower(options: dict[str, Any]) -> None:
-    slow, default = (
-        drive(problem, options)[:, 0].mean()
-        for problem in (kl.NavigationProblem(R=(5.0, 0.05)), kl.NavigationProblem())
-    )
-    assert slow < default
-
-
-@pytest.mark.parametrize("options", MODES)
 @pytest.mark.parametrize(
     "weights",
     [{"Q": (1.0, 9.0, 0.2)}, {"Q_terminal": (50.0, 50.0, 5.0)}, {"R": (0.3, 0.3)}],
@@ -68,7 +59,7 @@ def test_every_weight_changes_the_plan(options: dict[str, Any], weights: dict[st
 
 
 @pytest.mark.parametrize("options", MODES)
-def test_slack_weights_tell_how_firmly_obstacles_are_kept_clear_of(options: dict[str, Any]) -> None:
+def test_slack_weights_set_how_firmly_obstacles_are_kept_clear_of(options: dict[str, Any]) -> None:
     depths = []
     for weight in (0.05, 100.0):
         problem = kl.NavigationProblem(slack_weights=(weight, 1e-3))
@@ -91,28 +82,6 @@ def test_weights_that_are_not_given_are_those_of_the_mode() -> None:
     assert not plain.Q_terminal.any()
     default = with_tracking_weights(kl.NavigationProblem())
     np.testing.assert_array_equal(default.R, np.diag(TRACKING_R))
-
-
-def test_what_a_plan_leaves_at_the_goal_counts_for_as_long_as_two_full_turns_take() -> None:
-    for dt, turn_rate, gain in ((0.1, 0.5, 1.0), (0.05, 2.0, 0.5)):
-        problem = kl.NavigationProblem(dt=dt, u_min=(-0.6, -turn_rate), u_max=(0.6, turn_rate))
-        periods = 4.0 * np.pi / (turn_rate * gain) / dt
-        used = with_tracking_weights(problem, (1.0, gain))
-        np.testing.assert_allclose(used.Q_terminal, periods * np.diag(TRACKING_Q))
-    own = with_tracking_weights(kl.NavigationProblem(Q_terminal=(1.0, 2.0, 3.0)))
-    np.testing.assert_array_equal(own.Q_terminal, np.diag((1.0, 2.0, 3.0)))
-
-
-def test_a_plan_that_reaches_its_goal_ends_there_and_not_beside_it() -> None:
-    """Fast, to a goal ahead and a little aside: turning in takes longer than driving past it."""
-    start, goal = np.zeros(3), np.array([0.8, 0.3, 0.0])
-    beside = {}
-    for name, weight in (("none", (0.0, 0.0, 0.0)), ("default", None)):
-        controller, x = kl.Controller(MODEL, kl.NavigationProblem(Q_terminal=weight)), start
-        for _ in range(22):
-            x = MODEL.predict(x, controller.step(x, goal).command)
-        beside[name] = abs(x[1] - goal[1])
-    assert beside["default"] < 0.25 * beside["none"] and beside["none"] > 0.005
 
 
 def test_the_terminal_weight_grows_with_the_share_of_the_plan_that_is_at_the_goal() -> None:

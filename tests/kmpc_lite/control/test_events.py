@@ -9,7 +9,7 @@ import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
 
 
-def test_events_are_told_once_each(caplog: pytest.LogCaptureFixture) -> None:
+def test_events_are_reported_once_each(caplog: pytest.LogCaptureFixture) -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(**AREA))
     lost, near, far = (np.nan, 0.0, 0.0), (1.0, 0.0, 0.0), (5.0, 0.0, 0.0)
 
@@ -38,7 +38,7 @@ def test_the_library_configures_no_logging() -> None:
     assert logger.level == logging.NOTSET and logger.propagate
 
 
-def test_what_is_no_problem_is_told() -> None:
+def test_what_is_no_problem_is_reported() -> None:
     with pytest.raises(kl.ProblemError, match="expected a NavigationProblem, got dict"):
         kl.Controller(kl.nominal_unicycle(0.1), {"horizon": 20})  # type: ignore[arg-type]
     with pytest.raises(kl.ProblemError, match="expected a NavigationProblem, got int"):
@@ -56,7 +56,3 @@ def test_a_radius_in_centimetres_is_refused() -> None:
 def test_a_model_is_shown_in_one_line() -> None:
     shown = repr(kl.nominal_unicycle(0.1))
     assert "\n" not in shown and "dt 0.1 s" in shown and len(shown) < 100
-
-
-def test_help_begins_with_the_controller() -> None:
-    assert kl.__doc__ is not None and kl.__doc__.startswith("`Controller`")

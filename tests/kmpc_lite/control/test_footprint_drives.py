@@ -24,7 +24,7 @@ def scenario(walls: Any, start: Any, goal: Any, footprint: Any = LONG, **plant: 
     return Scenario.from_table(table, "cart", "cart.toml")
 
 
-def test_told_clearance_is_no_more_than_the_true_one() -> None:
+def test_the_reported_clearance_is_no_more_than_the_true_one() -> None:
     made = scenario(DOOR, (-0.6, 0.0, 0.0), (0.6, 0.0, 0.0))
     plan = kl.Controller(kl.nominal_unicycle(0.1), made.problem()).step(
         made.start, made.goal, made.obstacles_at(0.0)

@@ -52,8 +52,8 @@ def drive(controller: kl.Controller, moves: bool = True) -> tuple[float, Plan]:
 
 
 @pytest.mark.parametrize("limit", LIMITS)
-@pytest.mark.parametrize("to", [0.0, 1e-6, 1e-3, 1e-2])
-def test_a_limit_near_zero_is_refused_or_the_robot_moves_or_it_tells_why(
+@pytest.mark.parametrize("to", [0.0, 1e-6, 1e-2])
+def test_a_limit_near_zero_is_refused_or_the_robot_moves_or_it_reports_why(
     limit: str, to: float
 ) -> None:
     model, fields = limited(limit, to)
@@ -69,16 +69,6 @@ def test_a_limit_near_zero_is_refused_or_the_robot_moves_or_it_tells_why(
     )
 
 
-@pytest.mark.parametrize("limit", [limit for limit in LIMITS if limit != "deceleration"])
-def test_a_limit_that_forbids_to_move_is_refused(limit: str) -> None:
-    model, fields = limited(limit, 0.0)
-    if limit in ("left turns", "forwards"):  # the other direction is left
-        kl.Controller(model, kl.NavigationProblem(**fields))
-        return
-    with pytest.raises(ProblemError, match="would stand"):
-        kl.Controller(model, kl.NavigationProblem(**fields))
-
-
 def test_a_model_that_does_not_move_takes_no_other_ones_place() -> None:
     still, _ = limited("gains", 0.0)
     with pytest.raises(ProblemError, match="model: at a speed of 0.6 m/s it moves by 6e-14 m/s"):
@@ -86,26 +76,13 @@ def test_a_model_that_does_not_move_takes_no_other_ones_place() -> None:
 
 
 @pytest.mark.parametrize("guidance", [True, False])
-def test_a_robot_that_does_not_follow_its_commands_is_told_to_stand(guidance: bool) -> None:
+def test_a_robot_that_does_not_follow_its_commands_is_reported_as_standing(guidance: bool) -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1), guidance=guidance)
     moved, plan = drive(controller, moves=False)
     assert not moved and plan.progress is GoalProgress.WAITING
     assert "though it was commanded to, by" in plan.reason and "motors off" in plan.reason
     # another goal is a new beginning
     assert controller.step(START, (-1.0, 1.0, 0.0)).progress is GoalProgress.DRIVING
-
-
-def test_a_slow_robot_drives() -> None:
-    problem = kl.NavigationProblem(u_min=(-0.02, -0.03), u_max=(0.02, 0.03))
-    controller, robot, pose = (
-        kl.Controller(kl.nominal_unicycle(0.1), problem),
-        (DifferentialDrive()),
-        START,
-    )
-    for _ in range(STEPS):
-        plan = controller.step(pose, GOAL)
-        assert plan.progress is GoalProgress.DRIVING, plan.reason
-        pose = robot.step(pose, plan.command, 0.1)
 
 
 @pytest.mark.parametrize("braking, late", [(1.0, 0.5), (4.0, 0.125)])

@@ -104,15 +104,6 @@ def test_plans_keep_to_the_limits_in_all_stages_and_to_the_model(
     assert fastest > 0.5
 
 
-def test_after_a_reset_the_robot_stands() -> None:
-    controller, x = kl.Controller(MODEL, WEAK), np.zeros(3)
-    for _ in range(15):
-        x = MODEL.predict(x, controller.step(x, (1.8, 0.0, 0.0)).command)
-    assert controller.step(x, (1.8, 0.0, 0.0)).command[0] > 0.3
-    controller.reset()
-    assert abs(controller.step(x, (1.8, 0.0, 0.0)).command[0]) <= 0.05 + 1e-9
-
-
 def test_the_limit_keeps_the_direction_of_the_change_and_brakes_harder_than_it_speeds_up() -> None:
     limit = RateLimit(WEAK)
     last = np.array([0.3, 0.4])
@@ -125,17 +116,6 @@ def test_the_limit_keeps_the_direction_of_the_change_and_brakes_harder_than_it_s
     )
     inside = np.array([0.31, 0.3])
     assert limit.limit(inside, last) is inside
-
-
-def test_zeros_become_a_braking_ramp() -> None:
-    ramp = RateLimit(WEAK).in_reach(np.zeros((20, 2)), np.array([0.12, -0.5]))
-    np.testing.assert_allclose(
-        ramp[:4], [[0.07, -0.3], [0.02, -0.1], [0.0, 0.0], [0.0, 0.0]], atol=1e-12
-    )
-
-
-def test_without_limits_nothing_is_active() -> None:
-    assert not RateLimit(kl.NavigationProblem()).active
 
 
 @given(

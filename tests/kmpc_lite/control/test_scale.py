@@ -136,12 +136,3 @@ def test_the_last_plan_of_a_small_robot_far_from_the_origin_starts_the_next() ->
         pose = plan.states[1]
         passes.append(plan.iterations)
     assert passes[1:] == [1, 1, 1, 1]
-
-
-def test_an_observation_without_a_pose_knows_none() -> None:
-    for pose, known in (((np.nan, 0.0, 0.0), False), ((1.01e4, 0.0, 0.0), False), ((FAR, 0, 0), 1)):
-        controller = small_robot()
-        seen = controller._admission.admit(controller.state.scene, pose, (0, 0, 0), (), None)
-        assert seen.pose_is_known == known
-        seen.bring_forward(np.array([0.0, np.inf, 0.0]))
-        assert not seen.pose_is_known

@@ -43,7 +43,7 @@ def options(number: int, learned: kl.KoopmanModel, lagging: kl.KoopmanModel) -> 
     return kl.Controller(model, problem, **kinds[number % 4])  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(6))
 def test_a_drive_goes_on_to_the_last_bit_after_a_copy_and_a_pickle(
     number: int, learned: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:

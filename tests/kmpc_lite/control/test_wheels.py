@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.scenario.files import Scenario
 
 TRACK, FASTEST = 0.4, 0.6
 GOAL = (2.0, 0.5, 2.0)
@@ -44,13 +43,6 @@ def test_no_plan_asks_a_wheel_for_more_than_it_can(solver):
     assert outer_wheel(asked).max() <= FASTEST * (1.0 + 1e-12)
 
 
-def test_a_robot_that_knows_its_wheels_arrives_sooner():
-    knows, _ = drive(kl.NavigationProblem(**BOUNDS, **WHEELS))
-    does_not, asked = drive(kl.NavigationProblem(**BOUNDS))
-    assert outer_wheel(asked[:, 0]).max() > 1.5 * FASTEST, "the wheels are not what limits it"
-    assert knows < 0.9 * does_not
-
-
 def test_commands_beyond_the_wheels_keep_their_curve():
     problem = kl.NavigationProblem(**BOUNDS, **WHEELS)
     asked = np.array([(0.5, 1.0), (-0.5, 2.0), (0.1, 0.1), (0.6, 9.0)])
@@ -58,39 +50,6 @@ def test_commands_beyond_the_wheels_keep_their_curve():
     assert outer_wheel(inside).max() <= FASTEST * (1.0 + 1e-12)
     np.testing.assert_allclose(inside[0, 1] / inside[0, 0], 2.0)
     np.testing.assert_array_equal(inside[2], asked[2])
-
-
-@pytest.mark.parametrize("by", [0.25, 2.0, 8.0])
-def test_the_same_robot_scaled_asks_for_the_same(by):
-    def first_commands(by):
-        problem = kl.NavigationProblem(
-            u_min=(-0.6 * by, -3.0),
-            u_max=(0.6 * by, 3.0),
-            x_min=(-3 * by, -3 * by, -np.inf),
-            x_max=(3 * by, 3 * by, np.inf),
-            robot_radius=0.15 * by,
-            track=TRACK * by,
-            max_wheel_speed=FASTEST * by,
-        )
-        model = kl.nominal_unicycle(0.1)
-        controller, pose, found = kl.Controller(model, problem), np.array((0.0, 0.0, 1.5)), []
-        for _ in range(10):
-            plan = controller.step(pose, (2.0 * by, 0.5 * by, 0.0))
-            pose = model.predict(pose, plan.command)
-            found.append(plan.command / (by, 1.0))
-        return np.array(found)
-
-    np.testing.assert_array_equal(first_commands(by), first_commands(1.0))
-
-
-def test_a_robot_that_turns_by_less_than_it_is_told_drives_its_wheels_farther():
-    from kmpc_lite.control.path.capabilities import capabilities
-
-    nominal = kl.nominal_unicycle(0.1)
-    problem = kl.NavigationProblem(**BOUNDS, **WHEELS)
-    half, fastest = capabilities(nominal, problem).wheels
-    assert half == pytest.approx(0.5 * TRACK, rel=1e-3)
-    assert fastest == FASTEST
 
 
 @pytest.mark.parametrize(
@@ -107,17 +66,3 @@ def test_a_robot_that_turns_by_less_than_it_is_told_drives_its_wheels_farther():
 def test_half_a_pair_of_wheels_is_refused(fields, word):
     with pytest.raises(kl.ProblemError, match=word):
         kl.NavigationProblem(**fields)
-
-
-def test_a_scenario_gives_the_wheels_and_is_read_back(tmp_path):
-    text = (
-        "[map]\nbounds = [-2.0, -2.0, 2.0, 2.0]\n"
-        "[robot]\nstart = [0, 0, 0]\ngoal = [1, 0, 0]\nwheels = [0.4, 0.6]\n"
-    )
-    path = tmp_path / "scenario.toml"
-    path.write_text(text)
-    scenario = Scenario.load(path)
-    problem = scenario.problem()
-    assert (problem.track, problem.max_wheel_speed) == (TRACK, FASTEST)
-    path.write_text(scenario.to_toml())
-    assert Scenario.load(path).wheels == (TRACK, FASTEST)

@@ -281,7 +281,7 @@ def test_what_is_not_in_c_is_refused(tmp_path):
     assert not (tmp_path / "no").exists()
 
 
-def test_a_folder_of_somebody_else_is_left_alone(tmp_path):
+def test_a_foreign_folder_is_left_alone(tmp_path):
     (tmp_path / "thesis.txt").write_text("all of it")
     with pytest.raises(ProblemError, match="is not empty, and no exported controller is in it"):
         kl.export(kl.nominal_unicycle(0.1), kl.NavigationProblem(), tmp_path)

@@ -38,12 +38,6 @@ def test_the_model_of_a_robot_that_is_not_nominal_is_better(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_model_of_another_robot_is_worse(seed: int) -> None:
-    result = compare(learned(0.7), drive(1.0, seed=seed).episodes)
-    assert result.verdict is ModelVerdict.WORSE and result.errors[2] > 3.0 * result.nominal[2]
-
-
-@pytest.mark.parametrize("seed", range(3))
 def test_a_model_that_differs_by_less_than_the_noise_is_alike(seed: int) -> None:
     result = compare(learned(1.0), drive(1.0, seed=seed).episodes)
     assert result.verdict in (ModelVerdict.ALIKE, ModelVerdict.BETTER)
@@ -63,10 +57,3 @@ def test_a_model_that_diverges_is_worse() -> None:
     model = kl.fit(drive(0.7, 60.0, 1))
     wild = replace(model, A=1e6 * np.ones_like(model.A))
     assert compare(wild, drive(0.7).episodes).verdict is ModelVerdict.WORSE
-
-
-def test_a_model_with_history_has_its_commands_from_before_each_window() -> None:
-    log = drive_log(LaggingDrive(0.3, 0.1), 4, 200, DT, 1, hold=8)
-    model = kl.fit(log, kl.HermiteTrigDictionary(0), lags=range(10))
-    result = compare(model, drive_log(LaggingDrive(0.3, 0.1), 1, 200, DT, 2, hold=8).episodes)
-    assert result.verdict is ModelVerdict.BETTER and result.errors[0] < 0.3 * result.nominal[0]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from kmpc_lite.learn.coverage import find_coverage
-from kmpc_lite.learn.stopping import find_stops
 
 DT = 0.1
 LIMITS = (0.5, 0.5, 1.0)
@@ -45,41 +44,10 @@ def test_each_lack_is_named_once_with_what_mends_it() -> None:
     assert any("never turns right" in line for line in coverage.warnings())
 
 
-def test_nothing_driven_yet_is_nothing_shown() -> None:
-    coverage = find_coverage([], DT, LIMITS)
-    assert not coverage.is_complete and set(coverage.as_dict().values()) == {0.0}
-
-
 def test_a_robot_that_must_not_reverse_need_not_show_it() -> None:
     drive = quadrants(back=False) * 2
     assert find_coverage(drive, DT, (0.5, 0.0, 1.0)).is_complete
     assert "reverse" in {p.name for p in find_coverage(drive, DT, LIMITS).missing}
-
-
-def test_speeds_that_are_asked_for_count_and_not_those_that_were_driven() -> None:
-    slow = find_coverage(quadrants(v=0.2), DT, LIMITS)
-    assert [p.name for p in slow.missing] == ["fast", "stops"]
-    assert find_coverage(quadrants(v=0.2), DT).is_complete
-
-
-def test_a_stop_begins_where_the_command_falls_and_ends_where_it_grows_again() -> None:
-    speeds = held((0.5, 0, 1.0), (0.3, 0, 0.1), (0.0, 0, 1.0), (0.5, 0, 1.0))[:, 0]
-    assert find_stops(speeds, DT, 0.5) == [(10, 11, 21)]
-
-
-@pytest.mark.parametrize(
-    "commands",
-    [
-        [(0.5, 0, 1.0), (0.0, 0, 0.3), (0.5, 0, 1.0)],  # too short
-        [(0.2, 0, 1.0), (0.0, 0, 2.0)],  # from too little speed
-        [(0.5, 0, 1.0), (-0.5, 0, 2.0)],  # it never stands
-        [(0.0, 0, 2.0)],
-    ],
-)
-def test_what_is_no_stop_from_speed_is_not_counted(
-    commands: list[tuple[float, float, float]],
-) -> None:
-    assert find_stops(held(*commands)[:, 0], DT, 0.5) == []
 
 
 def test_a_log_that_only_drives_wide_turns_says_how_wide() -> None:

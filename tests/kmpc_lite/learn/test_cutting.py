@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from foreign_logs import drive
 
-import kmpc_lite as kl
 from kmpc_lite.learn.cutting import cut
 from kmpc_lite.learn.formats.streams import Thinned
 from kmpc_lite.learn.logs import Log, Series
@@ -25,13 +24,6 @@ def streams(
     )
 
 
-def test_commands_act_from_when_they_came() -> None:
-    (episode,) = cut(streams(), dt=0.05)
-    wanted = np.interp(1000.0 + 0.05 * np.arange(len(episode) + 1), DRIVE.time, DRIVE.poses[:, 0])
-    np.testing.assert_allclose(episode.states[:, 0], wanted, atol=1e-9)
-    np.testing.assert_allclose(episode.inputs[::2][:150], DRIVE.commands[:150], atol=1e-9)
-
-
 def test_rates_do_not_matter() -> None:
     fine, coarse = cut(streams(), dt=0.2)[0], cut(streams(slice(None, None, 5)), dt=0.2)[0]
     n = min(len(fine), len(coarse)) - 1
@@ -46,25 +38,6 @@ def test_where_poses_or_commands_are_missing_an_episode_ends() -> None:
     first, second = cut(streams(commands=np.flatnonzero(told)), dt=0.1)
     assert len(first) * 0.1 == pytest.approx(6.0, abs=0.3)  # held for a second, not for ever
     assert len(second) * 0.1 == pytest.approx(9.8, abs=0.3)
-
-
-def test_headings_that_wrap_do_not_jump() -> None:
-    log = streams()
-    wrapped = log.poses.values.copy()
-    wrapped[:, 2] = np.remainder(wrapped[:, 2] + np.pi, 2 * np.pi) - np.pi
-    other = Log("bag", Series(log.poses.time, wrapped, ""), log.commands)
-    np.testing.assert_allclose(
-        np.diff(cut(other, dt=0.1)[0].states[:, 2]),
-        np.diff(cut(log, dt=0.1)[0].states[:, 2]),
-        atol=1e-9,
-    )
-
-
-def test_no_overlap_says_when_each_came() -> None:
-    log = streams()
-    late = Log("bag", log.poses, Series(log.commands.time + 500.0, log.commands.values, ""))
-    with pytest.raises(kl.DataError, match="poses from 1000 to 1019.98 s, commands from 1500 to"):
-        cut(late, dt=0.1)
 
 
 def test_a_stream_never_grows_beyond_its_bound() -> None:

@@ -8,13 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from valid_logs import valid
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.coverage import find_coverage
-from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.fit_summary import format_summary, summarize_fit, warn_of_errors
 from kmpc_lite.learn.learning import LearningOptions, learn
@@ -60,14 +58,12 @@ def compass(x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     [
         (lambda x, u: (x * [1, -1, 1], u), "in a mirror"),
         (lambda x, u: (x + [0, 0, np.pi], u), "drives backwards"),
-        (lambda x, u: (x, u * [-1, 1]), "drives backwards"),
         (lambda x, u: (x, u * [1, -1]), "turns right"),
-        (lambda x, u: (x + [0, 0, 0.15], u), "-8.[0-9] degrees off its heading"),
         (drifting, r"drifts by 0.05 m/s towards \+1.6 rad"),
         (compass, "% larger where theta is"),
     ],
 )
-def test_a_frame_that_is_wrong_is_told_with_its_size(change: Change, words: str) -> None:
+def test_a_frame_that_is_wrong_is_reported_with_its_size(change: Change, words: str) -> None:
     told = "; ".join(diagnose(log(change), AT_ONCE, AT_ONCE))
     assert re.search(words, told), told
 
@@ -101,7 +97,7 @@ def driven(obey: Callable[[np.ndarray], np.ndarray], one_speed: bool = False) ->
         ((1.0, 0.6), r"turns left at (0.99|1.00|1.01) of its command, and right at 0.(59|60|61)"),
     ],
 )
-def test_a_gain_that_differs_by_side_is_told_and_is_no_creep(
+def test_a_gain_that_differs_by_side_is_reported_and_is_no_creep(
     gain: tuple[float, float], words: str
 ) -> None:
     data = driven(lambda u: np.where(u < 0.0, u * gain, u))
@@ -109,7 +105,7 @@ def test_a_gain_that_differs_by_side_is_told_and_is_no_creep(
     assert len(told) == 1 and re.search(words, told[0]), told
 
 
-def test_a_creep_is_told_only_of_a_log_that_can_show_it() -> None:
+def test_a_creep_is_reported_only_of_a_log_that_can_show_it() -> None:
     at_rest = "; ".join(diagnose(driven(lambda u: u + [0.05, 0.1]), AT_ONCE, AT_ONCE))
     assert "0.05 m/s at zero command" in at_rest and "0.1 rad/s at zero command" in at_rest
     assert diagnose(driven(lambda u: u, one_speed=True), AT_ONCE, AT_ONCE) == []
@@ -125,7 +121,7 @@ def test_a_creep_is_told_only_of_a_log_that_can_show_it() -> None:
         (lambda x, u: (x, np.sign(u) * [0.5, 0] + u * [0, 1]), "never turns on the spot"),
     ],
 )
-def test_what_a_log_does_not_show_is_told(change: Change, words: str) -> None:
+def test_what_a_log_does_not_show_is_reported(change: Change, words: str) -> None:
     assert any(words in line for line in find_gaps(log(change)))
 
 
@@ -153,7 +149,7 @@ def test_a_car_is_refused_and_a_robot_that_turns_less_is_not() -> None:
         kl.fit(drive(car=True), kl.HermiteTrigDictionary(0), lags="auto")
 
 
-def test_a_car_that_is_told_a_few_times_to_turn_on_the_spot_is_refused() -> None:
+def test_a_car_commanded_a_few_times_to_turn_on_the_spot_is_refused() -> None:
     """The part of its log that a model is learned from does not show it."""
     random, step, inputs = np.random.default_rng(2), 0.1, np.zeros((1200, 2))
     inputs[:] = np.repeat(random.uniform((0.3, -0.8), (1.0, 0.8), (60, 2)), 20, axis=0)
@@ -166,12 +162,6 @@ def test_a_car_that_is_told_a_few_times_to_turn_on_the_spot_is_refused() -> None
     x += random.normal(size=x.shape) * 0.002
     with pytest.raises(kl.DataError, match="does not turn on the spot"):
         learn(kl.Dataset([kl.Episode(x, inputs, step)]), [Path("car.csv")], MOSTLY_HELD)
-
-
-@pytest.mark.parametrize("seed", [1027, 1038, 1054, 1072])
-def test_a_robot_that_answers_late_is_no_car(seed: int) -> None:
-    log = valid(seed, "late").log
-    refuse_car_like(kl.Dataset(cut(log, max(0.1, period_of(log)))))
 
 
 def test_the_summary_names_what_the_robot_does() -> None:
@@ -189,12 +179,3 @@ def test_the_summary_names_what_the_robot_does() -> None:
     assert re.search(r"turns 0\.(6|59)", text) and "dead time" in text and "commands (" in text
     assert all(len(line) < 200 for line in text.splitlines())
     assert warn_of_errors(kl.evaluate(model, held)) == []
-
-
-def test_errors_larger_than_the_nominal_robots_are_warned_of() -> None:
-    model = kl.fit(log(seed=4), kl.HermiteTrigDictionary(0))
-    worse = kl.KoopmanModel(
-        model.dictionary, 0.1, model.A, model.B, 0.5 * model.H, model.C, continuous=True
-    )
-    told = warn_of_errors(kl.evaluate(worse, log(seed=5)))
-    assert any(line.startswith("along it predicts worse") for line in told)

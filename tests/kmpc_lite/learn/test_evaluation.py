@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -25,40 +24,6 @@ def drives(
     )
 
 
-def shifted(data: kl.Dataset, forward: float, left: float, turn: float) -> kl.Dataset:
-    """Single steps whose end is moved by so much, in the frame of their start."""
-    singles = []
-    for e in data.episodes:
-        for before, after, u in zip(e.states[:-1], e.states[1:], e.inputs, strict=True):
-            cos, sin = np.cos(before[2]), np.sin(before[2])
-            move = np.array([cos * forward - sin * left, sin * forward + cos * left, turn])
-            singles.append(kl.Episode(np.stack([before, after + move]), u[None], e.dt))
-    return kl.Dataset(singles)
-
-
-def test_the_nominal_model_is_right_about_the_nominal_robot() -> None:
-    report = kl.evaluate(kl.nominal_unicycle(0.1), drives(), horizon=2.0)
-    for errors in (
-        report.one_step,
-        report.multi_step,
-        report.nominal_one_step,
-        report.nominal_multi_step,
-    ):
-        assert max(errors) < INTEGRATION
-    assert report.rmse_percent < 1e-6
-
-
-@pytest.mark.parametrize(
-    "bias", [(0.02, 0.0, 0.0), (0.0, -0.03, 0.0), (0.0, 0.0, 0.04), (0.01, 0.02, -0.03)]
-)
-def test_a_bias_is_reported_in_its_own_column(bias: tuple[float, float, float]) -> None:
-    # headings of all directions, so that a mixed-up frame cannot pass
-    report = kl.evaluate(kl.nominal_unicycle(0.1), shifted(drives(), *bias), horizon=0.1)
-    np.testing.assert_allclose(report.one_step, np.abs(bias), atol=INTEGRATION)
-    np.testing.assert_allclose(report.multi_step, np.abs(bias), atol=INTEGRATION)
-    assert report.rmse_percent == pytest.approx(100 * np.linalg.norm(bias))
-
-
 def test_a_bias_over_the_horizon_is_seen_from_the_starting_pose() -> None:
     # a robot that drives 10 % faster than told, along an arc that ends pointing left of its start
     v, omega, dt, steps = 0.5, 0.8, 0.1, 10
@@ -71,17 +36,6 @@ def test_a_bias_over_the_horizon_is_seen_from_the_starting_pose() -> None:
     missed = 0.1 * v / omega * np.array([np.sin(0.8), 1 - np.cos(0.8)])
     np.testing.assert_allclose(report.multi_step, [*missed, 0.0], atol=1e-6)
     assert report.starts == 1
-
-
-def test_model_and_nominal_are_told_apart() -> None:
-    data = drives(slip=0.1)
-    model = kl.fit(drives(slip=0.1, seed=1, episodes=40))
-    report = kl.evaluate(model, data)
-    nominal = kl.evaluate(kl.nominal_unicycle(0.1), data)
-    assert report.nominal_one_step == nominal.one_step == nominal.nominal_one_step
-    assert report.nominal_multi_step == nominal.multi_step
-    assert (np.array(report.one_step) < 0.8 * np.array(report.nominal_one_step)).all()
-    assert (np.array(report.multi_step) < np.array(report.nominal_multi_step)).all()
 
 
 def test_every_start_is_used_once_whatever_the_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,22 +68,6 @@ def test_every_start_is_used_once_whatever_the_chunks(monkeypatch: pytest.Monkey
     assert kl.evaluate(model, data, horizon=1.0, stride=5).starts == 3 * 7 + 2 * 2
 
 
-def test_past_commands_are_those_of_the_log() -> None:
-    # a robot that obeys three periods late: its exact model has no error, from any start that has a
-    # history
-    lag, data = 3, drives(steps=30)
-    # row k of this log holds the command that acts at k + lag
-    late = [kl.Episode(e.states[:-lag], e.inputs[lag:], e.dt) for e in data.episodes]
-    dictionary = kl.InputHistoryDictionary(kl.UnicycleDictionary(), lags=(lag,))
-    nominal = kl.nominal_unicycle(0.1)
-    model = kl.KoopmanModel(
-        dictionary, 0.1, nominal.A, nominal.B, nominal.H, nominal.C, continuous=True
-    )
-    report = kl.evaluate(model, kl.Dataset(late), horizon=1.0)
-    assert max(report.multi_step + report.one_step) < INTEGRATION < min(report.nominal_multi_step)
-    assert report.starts == 6 * (27 - 3 - 10 + 1)
-
-
 @pytest.mark.parametrize(
     ("model", "horizon", "stride", "words"),
     [
@@ -140,9 +78,7 @@ def test_past_commands_are_those_of_the_log() -> None:
             r"as long as 4.1 s plus an input history of 0 steps \(longest 4 s\)",
         ),
         (kl.nominal_unicycle(0.2), 1.0, 1, "dataset's dt is 0.1 s, the model's 0.2 s"),
-        (kl.nominal_unicycle(0.1), 0.0, 1, "horizon"),
         (kl.nominal_unicycle(0.1), float("nan"), 1, "horizon"),
-        (kl.nominal_unicycle(0.1), float("inf"), 1, "horizon"),
         (kl.nominal_unicycle(0.1), 1.0, 0, "stride"),
         (kl.nominal_unicycle(0.1), 1.0, 1.5, "stride"),
     ],
@@ -154,15 +90,8 @@ def test_what_cannot_be_evaluated(
         kl.evaluate(model, drives(), horizon, stride)
 
 
-def test_a_history_counts_to_the_length_that_is_needed() -> None:
-    model = kl.fit(drives(), kl.InputHistoryDictionary(kl.UnicycleDictionary(), lags=(0, 4)))
-    kl.evaluate(model, drives(steps=14), horizon=1.0)
-    with pytest.raises(kl.DataError, match="as long as 1 s plus an input history of 4 steps"):
-        kl.evaluate(model, drives(steps=13), horizon=1.0)
-
-
 @pytest.mark.filterwarnings("error")
-def test_a_model_that_diverges_has_an_infinite_error_and_warns_nobody() -> None:
+def test_a_model_that_diverges_has_an_infinite_error_and_raises_no_warning() -> None:
     wild = kl.KoopmanModel(
         kl.HermiteTrigDictionary(4),
         0.1,
@@ -176,16 +105,4 @@ def test_a_model_that_diverges_has_an_infinite_error_and_warns_nobody() -> None:
     assert (
         report.multi_step == (np.inf, np.inf, np.inf)
         and max(report.nominal_multi_step) < INTEGRATION
-    )
-
-
-def test_a_report_is_plain_values_and_a_table() -> None:
-    report = kl.evaluate(kl.nominal_unicycle(0.1), drives(slip=0.1))
-    assert json.loads(json.dumps(report.as_dict()))["multi_step"] == list(report.multi_step)
-    lines = str(report).splitlines()
-    assert (
-        len(lines) == 6 and "longitudinal [m]" in lines[0] and f"{report.starts} starts" in lines[0]
-    )
-    assert [float(word) for word in lines[3].split()[-3:]] == pytest.approx(
-        report.multi_step, rel=1e-3
     )

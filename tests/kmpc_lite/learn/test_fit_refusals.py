@@ -37,7 +37,7 @@ def changed(change: Any) -> kl.Dataset:
         (lambda x, u: (x, 1e200 * u), "too large"),
     ],
 )
-def test_what_does_not_determine_a_model_is_told(method: Any, change: Any, words: str) -> None:
+def test_what_does_not_determine_a_model_is_reported(method: Any, change: Any, words: str) -> None:
     with pytest.raises(kl.DataError, match=words):
         kl.fit(changed(change), method=method, symmetric=False)
 

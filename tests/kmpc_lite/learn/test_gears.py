@@ -42,12 +42,6 @@ def test_a_robot_that_reverses_more_slowly_than_it_is_commanded_is_learned_so() 
         )
 
 
-def test_one_gain_stays_one_gain() -> None:
-    log = driven(lambda pose, u: exact_arc(pose, 0.9 * u[0], u[1], 0.1))
-    model = kl.fit(log, kl.HermiteTrigDictionary(0), lags="auto")
-    assert model.info["selection"]["directions"]["along"]["step"] == "gain"
-
-
 def test_a_car_with_gears_a_servo_that_is_off_and_understeer_is_learned_so() -> None:
     car = SteeredDrive(kl.Car(0.4), understeer=0.4, offset=0.15, backward_gain=BACK)
     log = driven(lambda pose, u: car.trace(pose, u, 0.1, 1)[0], steered=True, slow=0.15)

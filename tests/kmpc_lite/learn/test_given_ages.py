@@ -52,31 +52,6 @@ def test_shares_are_those_that_made_the_log(ages: tuple[int, ...]) -> None:
         assert found.delay == pytest.approx(DT * (made[1] + 2.0 * made[2]), abs=1e-5)
 
 
-def test_only_given_ages_have_shares() -> None:
-    late, _ = shares(answering_log((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)), (1, 3))
-    assert late.shares[0] == late.shares[2] == 0.0
-    np.testing.assert_allclose(late.shares, (0.0, 0.5, 0.0, 0.5), atol=0.1)
-
-
-@pytest.mark.parametrize("noise", [0.01, 0.05])
-def test_noise_makes_no_share_negative_and_shares_none_of_it_away(noise: float) -> None:
-    for found in shares(answering_log(noise=noise), (0, 1, 2, 3)):
-        assert min(found.shares) >= 0.0 and sum(found.shares) == pytest.approx(1.0)
-        assert found.delay == pytest.approx(0.1, abs=0.05)
-
-
-def test_a_larger_robot_answers_alike_and_so_does_one_with_the_other_sign() -> None:
-    expected = [r.shares for r in shares(answering_log(), (0, 1, 2))]
-    for data in (answering_log(by=4.0), _mirrored(answering_log())):
-        found = [r.shares for r in shares(data, (0, 1, 2))]
-        np.testing.assert_allclose(found, expected, atol=1e-6)
-
-
-def _mirrored(data: kl.Dataset) -> kl.Dataset:
-    """The same drives, told with turn rates of the other sign."""
-    return kl.Dataset([kl.Episode(e.states, e.inputs * (1, -1), e.dt) for e in data.episodes])
-
-
 def test_a_log_without_turns_says_nothing_of_how_late_they_are() -> None:
     speed, turn = shares(answering_log(turns=0.0), (0, 1, 2))
     np.testing.assert_allclose(speed.shares, SPEED, atol=1e-4)
@@ -108,23 +83,6 @@ def test_a_model_of_ages_predicts_as_well_as_one_that_finds_them() -> None:
     ours = kl.evaluate(kl.fit(train, TRIG, lags=(0, 1, 2, 3, 4)), held).multi_step
     found = kl.evaluate(kl.fit(train, TRIG, lags="auto"), held).multi_step
     assert (np.array(ours) < 1.1 * np.array(found)).all()
-
-
-@pytest.mark.parametrize("options", [{"symmetric": False}, {"ridge": 1e-3}, {"method": "edmdc"}])
-def test_other_fits_give_each_age_weights_of_its_own(options: dict[str, object]) -> None:
-    data = answering_log(noise=0.01)
-    base = kl.UnicycleDictionary()
-    one = kl.fit(data, base, lags=(0, 2), **options)  # type: ignore[arg-type]
-    other = kl.fit(data, kl.InputHistoryDictionary(base, (0, 2)), **options)  # type: ignore[arg-type]
-    np.testing.assert_array_equal(one.H, other.H)
-
-
-def test_the_present_alone_is_no_lag_and_ages_may_be_whole_numbers_of_any_kind() -> None:
-    data = answering_log()
-    assert kl.fit(data, TRIG, lags=(0,)).history == 0
-    one, other = (kl.fit(data, TRIG, lags=ages) for ages in ([0, 1, 2], [0.0, 1.0, 2.0]))
-    np.testing.assert_array_equal(one.H, other.H)
-    assert one.dictionary.config() == other.dictionary.config()
 
 
 def test_ages_that_cannot_be_are_refused() -> None:

@@ -78,5 +78,5 @@ def test_inputs_that_never_change_are_unknown() -> None:
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the real logs of the Norlab robots")
 @pytest.mark.parametrize("name", ["husky", "warthog"])
 @pytest.mark.parametrize("dt", [0.05, 0.1])
-def test_the_encoders_of_real_robots_are_told(name: str, dt: float) -> None:
+def test_the_encoders_of_real_robots_are_reported(name: str, dt: float) -> None:
     assert tell_inputs(kl.Dataset.load(REAL / f"{name}.csv", dt=dt), 0.1).startswith("measured")

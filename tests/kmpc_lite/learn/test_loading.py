@@ -59,12 +59,3 @@ def test_what_a_user_says_of_units_is_heard_before_a_log_is_judged(
     )
     for mine, theirs in zip(mended.episodes, good.episodes, strict=True):
         np.testing.assert_allclose(mine.states, theirs.states, atol=1e-9)
-
-
-def test_time_that_runs_back_is_cut_if_forced(table: np.ndarray, tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    table[500:, 0] -= 7.0
-    np.savetxt(path, table, delimiter=",", header=HEADER, comments="")
-    with pytest.raises(kl.DataError, match="time must grow"):
-        kl.Dataset.load(path)
-    assert kl.Dataset.load(path, force=True).steps > 900

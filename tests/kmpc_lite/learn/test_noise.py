@@ -9,7 +9,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.learn.noise import NOISE_SAMPLES, fit_noise
+from kmpc_lite.learn.noise import fit_noise
 
 # covariances per period of (forward [m], left [m], heading [rad]): at rest, by v^2, by omega^2
 REST = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 5e-5
@@ -57,12 +57,6 @@ def test_a_known_covariance_is_recovered() -> None:
     assert (error < 0.05 * np.linalg.norm(true, axis=(-2, -1))).all()
 
 
-def test_noise_that_is_always_there_is_recovered() -> None:
-    noise = fit_noise(kl.nominal_unicycle(0.1), noisy_drives(REST, 0 * REST, 0 * REST, 15_000))
-    np.testing.assert_allclose(noise.covariance(np.zeros(2)), REST, atol=0.05 * REST.max())
-    np.testing.assert_allclose(noise.covariance(np.ones(2)), REST, atol=0.05 * REST.max())
-
-
 def test_the_slip_of_the_paper_is_recovered() -> None:
     # alpha, beta and gamma exponential: each has the mean and the standard deviation lambda
     slip, dt = 0.05, 0.1
@@ -105,59 +99,3 @@ def test_noise_that_shrinks_with_the_command_is_not_overstated() -> None:
     np.testing.assert_allclose(
         found, np.broadcast_to(1e-4 * (1.2 - 1 / 3) * np.eye(3), found.shape), atol=5e-6
     )
-
-
-def test_a_robot_without_noise_has_none() -> None:
-    data = kmpc_lab.generate_dataset(
-        kmpc_lab.DifferentialDrive(), episodes=20, steps=50, dt=0.1, seed=0
-    )
-    assert np.abs(kl.fit(data).noise([1.0, 1.0])).max() < 1e-12
-    assert kl.fit(data, noise=False).noise_model is None
-
-
-def test_steps_of_one_speed_still_give_a_covariance() -> None:
-    data = noisy_drives(REST, 0 * REST, 0 * REST, 4000)
-    one_speed = [kl.Episode(e.states, np.sign(e.inputs), 0.1) for e in data.episodes]
-    ends = kl.nominal_unicycle(0.1).predict(
-        [e.states[0] for e in one_speed], [e.inputs[0] for e in one_speed]
-    )
-    random = np.random.default_rng(3).normal(scale=0.01, size=ends.shape)
-    single = [
-        kl.Episode(np.stack([e.states[0], end + r]), e.inputs, 0.1)
-        for e, end, r in zip(one_speed, ends, random, strict=True)
-    ]
-    found = fit_noise(kl.nominal_unicycle(0.1), kl.Dataset(single)).covariance(np.ones(2))
-    np.testing.assert_allclose(found, 1e-4 * np.eye(3), atol=1e-5)
-
-
-@pytest.mark.parametrize("episodes", [1, 3, 400])
-def test_a_long_log_is_sampled_all_over(episodes: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kmpc_lite.learn.noise.NOISE_SAMPLES", 20_000)
-    assert NOISE_SAMPLES >= 100_000
-    random = np.random.default_rng(4)
-    steps = 120_000 // episodes
-    starts = np.zeros((episodes, 3))
-    states = starts[:, None] + np.cumsum(
-        random.normal(scale=0.01, size=(episodes, steps + 1, 3)), axis=1
-    )
-    # the first half of the log is still, in the second the noise is three times as large
-    late = np.arange(episodes * steps).reshape(episodes, steps) >= episodes * steps // 2
-    scale = np.where(late, 0.03, 0.01)
-    states[:, 1:] = states[:, :1] + np.cumsum(
-        scale[..., None] * random.normal(size=(episodes, steps, 3)), axis=1
-    )
-    data = kl.Dataset([kl.Episode(x, np.zeros((steps, 2)), 0.1) for x in states])
-    seen: list[int] = []
-    model = kl.nominal_unicycle(0.1)
-
-    class Watching(kl.UnicycleDictionary):
-        """Counts the residuals that are looked at."""
-
-        def inputs(self, u: np.ndarray, history: np.ndarray | None = None) -> np.ndarray:
-            seen.append(len(u))
-            return u
-
-    watched = kl.KoopmanModel(Watching(), 0.1, model.A, model.B, model.H, model.C, continuous=True)
-    found = fit_noise(watched, data).covariance(np.zeros(2))
-    np.testing.assert_allclose(np.diag(found), 0.5 * (0.01**2 + 0.03**2), rtol=0.35)
-    assert 10_000 <= sum(seen) <= 45_000

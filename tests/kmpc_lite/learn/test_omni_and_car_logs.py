@@ -42,23 +42,6 @@ def test_an_omni_is_learned_from_its_log_to_the_last_gain():
     np.testing.assert_allclose(np.abs(moved).max(axis=1), GAINS, rtol=1e-3)
 
 
-def test_it_drives_by_what_was_learned_from_noisy_poses():
-    log = omni_log(noise=1.0)
-    train, held = log.split(0.5, seed=0)
-    model = kl.with_quantiles(kl.fit(train, lags="auto"), held)
-    assert kl.evaluate(model, held, horizon=1.0) is not None
-    controller = kl.Controller(model, kl.NavigationProblem(wheels=kl.Omni()))
-    plant, pose = MecanumDrive(seed=3), np.zeros(3)
-    goal, circles = (1.4, 1.0, 1.0), [kl.Circle(0.7, 0.4, 0.2)]
-    for _ in range(150):
-        plan = controller.step(pose, goal, circles)
-        if plan.holding:
-            break
-        pose = plant.trace(pose, plan.command * GAINS, 0.1, 1)[0]
-        assert np.hypot(pose[0] - 0.7, pose[1] - 0.4) > 0.35
-    assert plan.holding, plan.reason
-
-
 def car_rows(wheelbase=0.33, deadman=False):
     """Rows t, x, y, theta, v, steering angle of a car."""
     random, car = np.random.default_rng(1), SteeredDrive(kl.Car(0.5, steering_rate=8.0), 0.01)

@@ -9,8 +9,6 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lab.studies.real_robots import RealPlant, real_robot
-from kmpc_lab.studies.robot_drives import course_of, judge
 from kmpc_lite.learn.learning import Learned, learn
 from kmpc_lite.learn.selection import learned_axes, select
 from kmpc_lite.model.ramps import Ramps
@@ -45,27 +43,11 @@ def test_twenty_seconds_show_how_late_a_robot_answers(seed: int) -> None:
     assert found.speed.delay == pytest.approx(0.2, abs=0.06)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_prompt_robot_answers_at_once_in_any_log(seed: int) -> None:
-    found = select(late_log(20, seed, lag=0.0, dead_time=0.0))
-    assert found.speed.delay == found.turn.delay == 0.0
-
-
 @real
 @pytest.mark.parametrize(("begin", "end"), [(0, 200), (300, 600), (450, 900), (0, 914)])
 @pytest.mark.parametrize("name", ["quiet", "busy"])
 def test_the_rovers_lag_is_in_every_part_of_its_logs(name: str, begin: int, end: int) -> None:
     assert select(piece(rover(name), begin, end)).speed.delay == pytest.approx(0.2, abs=0.05)
-
-
-@real
-def test_the_log_of_a_busy_recorder_shows_lag_and_braking() -> None:
-    learned = learn(rover("busy"), [ROVER / "busy.csv"])
-    assert 0.15 < learned.facts["braking_distance"] / learned.facts["largest"]["v"] < 0.25
-    # what looks like feeble brakes is lag: commands fall by 1 m/s^2
-    assert learned.model.info["stopping"]["deceleration"] > 0.8
-    ours, nominal = learned.report.multi_step, learned.report.nominal_multi_step
-    assert ours[0] < 0.5 * nominal[0]
 
 
 @pytest.fixture(scope="module")
@@ -86,30 +68,3 @@ def test_a_hopeless_log_makes_the_nominal_model(hopeless: Learned) -> None:
     moved = model.rollout(np.zeros(3), commands)
     np.testing.assert_allclose(moved, nominal.rollout(np.zeros(3), commands), atol=1e-12)
     assert "too few" in hopeless.uncalibrated
-
-
-@real
-@pytest.mark.long
-def test_no_log_of_the_rover_drives_worse_than_none() -> None:
-    """Paired drives on a plant that moves and errs as the quiet log: 21 random maps."""
-    robot = real_robot(ROVER / "quiet.csv", 0.25, 0.5, 0.8).robot
-    log = rover("quiet")
-    truth = kl.fit(log, lags="auto", ramps=False)
-    models = {"nominal": kl.nominal_unicycle(0.1)}
-    for name, part in {
-        "quiet": log,
-        "busy": rover("busy"),
-        "20 s": piece(rover("busy"), 0, 200),
-        "10 s": piece(rover("busy"), 500, 600),
-    }.items():
-        models[name] = learn(part, [ROVER / "busy.csv"]).model
-    times: dict[str, list[float]] = {}
-    for name, model in models.items():
-        for seed in range(3000, 3021):
-            course = course_of(robot, seed)
-            controller = kl.Controller(model, robot.problem(course.side))
-            row = judge(name, seed, controller, RealPlant(truth, log, seed, 0.0), course)
-            assert row.in_pose and not row.collided, row
-            times.setdefault(name, []).append(row.seconds)
-    for name, taken in times.items():
-        assert np.mean(taken) <= 1.03 * np.mean(times["nominal"]), (name, times)

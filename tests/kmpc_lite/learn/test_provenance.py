@@ -12,7 +12,6 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.learn.provenance import (
     describe_making,
-    differences,
     driven_speeds,
     format_making,
     read_vehicle,
@@ -68,12 +67,6 @@ def test_a_remark_that_is_none_is_refused_in_one_line(tmp_path: Path, first: str
     with pytest.raises(kl.DataError, match="a.csv: line 1: the remark") as error:
         read_vehicle([write(tmp_path / "a.csv", first)])
     assert "\n" not in str(error.value)
-
-
-def test_only_what_both_say_can_differ_and_numbers_to_their_digits() -> None:
-    assert differences(ROVER, {"driver": "roboclaw", "track": 0.27001, "wheel_radius": 0.1}) == []
-    assert differences(ROVER, {"driver": "vesc"}) == ["driver roboclaw and vesc"]
-    assert differences({}, ROVER) == [] == differences(ROVER, {})
 
 
 def test_a_speed_counts_that_was_driven_for_half_a_second() -> None:

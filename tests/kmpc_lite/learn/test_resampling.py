@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -78,34 +77,6 @@ def test_more_than_half_a_turn_within_a_period_is_refused() -> None:
         kl.DataError, match="within 1 s the robot turns by 4.00 rad, more than half a turn"
     ):
         turning.resample(1.0)
-
-
-def test_an_uneven_log_is_put_on_an_even_grid(tmp_path: Path) -> None:
-    random = np.random.default_rng(5)
-    time = np.cumsum(random.uniform(0.06, 0.14, 200)) + 1.7e9
-    elapsed = time - time[0]
-    values = {
-        "t": time,
-        "x": 0.5 * elapsed,
-        "y": -elapsed,
-        "theta": 0.2 * elapsed,
-        "v": random.normal(size=200),
-        "omega": random.normal(size=200),
-    }
-    np.savez(tmp_path / "run.npz", **values)
-    with pytest.raises(kl.DataError, match="uneven sampling"):
-        kl.Dataset.load(tmp_path / "run.npz", force=True)
-    (episode,) = kl.Dataset.load(tmp_path / "run.npz", dt=0.1, force=True).episodes
-    grid = 0.1 * np.arange(len(episode) + 1)
-    assert len(episode) == int(elapsed[-1] / 0.1)
-    np.testing.assert_allclose(episode.states, grid[:, None] * [0.5, -1.0, 0.2], atol=1e-6)
-    # what the held commands add up to by the end of the grid
-    held = np.clip(grid[-1] - elapsed[:-1], 0.0, np.diff(elapsed))
-    np.testing.assert_allclose(
-        episode.inputs.sum(axis=0) * 0.1,
-        [held @ values["v"][:-1], held @ values["omega"][:-1]],
-        atol=1e-6,
-    )
 
 
 def test_what_is_too_short_for_the_period_is_left_out() -> None:

@@ -11,14 +11,11 @@ from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lab.studies.learning import nominal_log, open_loop_errors
 from kmpc_lite.learn.cross_validation import (
     Candidate,
-    SelectionOptions,
     assign_folds,
-    choose,
     cross_validate,
-    solve_columns,
 )
-from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
-from kmpc_lite.learn.selection import cut_for, select
+from kmpc_lite.learn.responses import AT_ONCE, Response
+from kmpc_lite.learn.selection import select
 from kmpc_lite.model.dictionary.terms import TERMS
 
 TRIG = kl.HermiteTrigDictionary(0)
@@ -51,27 +48,7 @@ def test_the_weights_are_those_of_a_motor(dead: float, constant: float) -> None:
     np.testing.assert_allclose(weights, answered, atol=2e-3)
 
 
-@pytest.mark.parametrize("longest", [0, 1, 4, 10])
-def test_every_response_tried_fits_the_history(longest: int) -> None:
-    tried = first_candidates(0.1, longest)
-    assert tried[0] == AT_ONCE
-    for response in tried:
-        assert len(response.weights(0.1, longest)) <= 1 + longest
-        for near in neighbours(response, 0.05, 0.1, longest):
-            assert min(near) >= 0.0 and np.isfinite(near.weights(0.1, longest)).all()
-
-
 # cross-validation
-
-
-def test_held_weights_stay_and_free_ones_are_least_squares() -> None:
-    random = np.random.default_rng(0)
-    rows, target = random.normal(size=(50, 4)), random.normal(size=50)
-    both = np.column_stack([rows, target])
-    base = np.array([0.5, 0.0, -1.0, 2.0])
-    found = solve_columns(both.T @ both, np.array([1, 3]), base)
-    expected = np.linalg.lstsq(rows[:, [1, 3]], target - rows[:, [0, 2]] @ base[[0, 2]], rcond=None)
-    np.testing.assert_allclose(found, [0.5, expected[0][0], -1.0, expected[0][1]], atol=1e-6)
 
 
 def test_a_worthless_explanation_rarely_beats_nothing_and_a_good_one_always_does() -> None:
@@ -106,12 +83,6 @@ def test_a_robot_that_answers_late_is_known_by_its_delay(seed: int) -> None:
     assert found.rows.across[0] == pytest.approx(-0.05, abs=0.02)
 
 
-def test_a_robot_that_turns_about_its_pose_gets_no_other_turning_centre() -> None:
-    """A lag and its noise are no reason for a term that is not there."""
-    found = [select(late_log(0.25, 0.1, (0.004, 0.004, 0.01), seed)) for seed in range(20, 28)]
-    assert sum(s.rows.along[1] == 0.0 for s in found) >= 7
-
-
 def test_a_turning_centre_beside_the_pose_is_found() -> None:
     random = np.random.default_rng(4)
     drives = []
@@ -127,16 +98,6 @@ def test_a_turning_centre_beside_the_pose_is_found() -> None:
     assert found.rows.along[1] == pytest.approx(-0.08, abs=0.01)
 
 
-def test_of_explanations_alike_the_simplest_is_taken() -> None:
-    errors = np.array([[1.0, 1.4, 0.9, 1.1, 1.2], [0.9, 1.0, 0.95, 1.0, 1.1]])
-    behind = errors[0] - errors[1]
-    score = behind.mean() / (behind.std(ddof=1) / np.sqrt(5))
-    # one in twenty: Student's quantile of four degrees of freedom
-    assert 1.0 < score < 2.13
-    assert choose(errors, [1, 2]) == 0
-    assert choose(errors - [[0.0], [0.3]], [1, 2]) == 1
-
-
 def test_a_robot_that_answers_at_once_gets_no_history() -> None:
     for seed in range(3):
         data = kmpc_lab.generate_dataset(
@@ -147,7 +108,7 @@ def test_a_robot_that_answers_at_once_gets_no_history() -> None:
         assert model.info["response"]["speed"] == model.info["response"]["turn"] == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_nominal_robot_stays_nominal(seed: int) -> None:
     train, _ = nominal_log(90_000 + seed).windows(5.0).split(0.5)
     model = kl.fit(train, TRIG, lags="auto")
@@ -198,15 +159,6 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
 
 
 # what it works on
-
-
-def test_every_candidate_is_judged_on_the_windows_that_the_longest_history_leaves() -> None:
-    short = late_log(0.0, 0.0, (0.0, 0.0, 0.0), 0).windows(2.0)
-    windows = cut_for(short, SelectionOptions())
-    assert windows.length == 10 and windows.longest == 5
-    assert windows.count == sum(len(e) - 5 - 10 + 1 for e in short.episodes)
-    long = cut_for(late_log(0.0, 0.0, (0.0, 0.0, 0.0), 0), SelectionOptions())
-    assert long.longest == 10
 
 
 def test_a_log_too_short_for_a_choice_leaves_the_nominal_robot() -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from foreign_logs import drive, rows
 
-from kmpc_lite.learn.cutting import cut, even_stamps
+from kmpc_lite.learn.cutting import even_stamps
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import Log, Series
@@ -43,25 +42,6 @@ def test_stamps_of_a_busy_recorder_are_made_even(seconds: float) -> None:
     assert np.std(after) < 0.3 * np.std(before)
     np.testing.assert_array_equal(log.commands.time, log.poses.time)
     assert (np.diff(log.poses.time) > 0.0).all()
-
-
-def test_stamps_that_tell_when_a_pose_was_measured_stay() -> None:
-    d = drive(120.0, rate=200.0, delay=0.2, hold=1.5)
-    random, whole = np.random.default_rng(1), rows(d)
-    kept = np.cumsum(random.integers(6, 15, 1500))
-    log = log_of(whole[kept[kept < len(whole)]])
-    assert even_stamps(log) is log
-    even = log_of(rows(drive(30.0, rate=RATE)))
-    assert even_stamps(even) is even
-
-
-def test_gaps_stay_where_they_are() -> None:
-    _, table = late(0.02)
-    table[:, 0] += 1e-6 * np.arange(len(table))
-    table[1200:, 0] += 5.0
-    log = even_stamps(log_of(table))
-    assert log.notes and np.diff(log.poses.time)[1199] > 4.9
-    assert len(cut(log, 0.1)) == len(cut(replace(log, notes=()), 0.1)) >= 2
 
 
 def test_a_busy_recorder_hides_neither_lag_nor_accuracy(tmp_path: Path) -> None:

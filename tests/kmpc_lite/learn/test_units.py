@@ -13,13 +13,9 @@ from kmpc_lite.learn.logs import Log, ReadOptions, Series, correct, parse_units
     ("column", "text", "value", "si"),
     [
         ("t", "ns", 2e9, 2.0),
-        ("x", "mm", 2.0, 0.002),
         ("theta", "deg", 180.0, np.pi),
-        ("theta", "-deg+90", 90.0, 0.0),
         ("theta", "rad-1.5", 2.0, 0.5),
-        ("v", "km/h", 3.6, 1.0),
         ("v", "-m/s", 1.0, -1.0),
-        ("v", "0.0025", 400.0, 1.0),
         ("omega", "rpm", 60.0, 2.0 * np.pi),
     ],
 )
@@ -32,13 +28,11 @@ def test_units(column: str, text: str, value: float, si: float) -> None:
     ("units", "told"),
     [
         ({"t": "nss"}, "did you mean 'ns'"),
-        ({"theta": "degrees"}, "units: theta=degrees"),
         ({"z": "m"}, "expected one of t, x"),
-        ({"v": ""}, "units: v="),
         ({"v": "0"}, "units: v=0"),
     ],
 )
-def test_units_that_nobody_knows(units: dict[str, str], told: str) -> None:
+def test_unknown_units(units: dict[str, str], told: str) -> None:
     with pytest.raises(kl.DataError, match=told):
         ReadOptions(units=units)
 

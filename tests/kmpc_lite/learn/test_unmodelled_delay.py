@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import Robot, record
-from kmpc_lab.studies.robot_drives import drive
-from kmpc_lite.learn.stopping import aligned, unmodelled_delay
+from kmpc_lite.learn.stopping import unmodelled_delay
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.1, 0.2])
@@ -22,29 +20,6 @@ def test_a_robot_that_obeys_at_once_has_none_however_noisy_its_poses_are():
     for seed in range(5):
         robot = Robot("prompt", noise=(0.02, 0.05), seconds=60.0)
         assert unmodelled_delay(record(robot, seed)) == 0.0
-
-
-def test_a_log_that_is_too_short_tells_none():
-    assert unmodelled_delay(record(Robot("late", lag=0.3, seconds=3.0), 0)) == 0.0
-
-
-def test_aligned_commands_act_where_they_stand():
-    states = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
-    inputs = np.column_stack([np.arange(8.0), np.zeros(8)])
-    episode = aligned(kl.Dataset([kl.Episode(states, inputs, 0.1)]), 0.15).episodes[0]
-    np.testing.assert_allclose(episode.inputs[:, 0], np.arange(2, 8) - 1.5)
-    np.testing.assert_array_equal(episode.states, states[2:])
-
-
-def test_a_robot_that_lags_parks_with_the_plain_model_of_its_log():
-    robot = Robot("late", lag=0.2, dead_time=0.05, slip=0.05)
-    train, held = record(robot, 950).windows(10.0).split(0.5, seed=0)
-    model = kl.with_quantiles(kl.fit(train), held)
-    assert 0.15 < model.info["unmodelled_delay"] < 0.35
-    for seed in (950, 951, 952):
-        row = drive(robot, seed, model=model)
-        assert row.in_pose, row
-        assert not row.collided
 
 
 def test_the_delay_is_kept_in_the_file_and_a_nonsensical_one_is_refused(tmp_path):

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from kmpc_lite.learn.coverage import WORDS, find_coverage
 from kmpc_lite.learn.evaluation import FitReport
-from kmpc_lite.learn.fit_summary import tell_errors, verdict
+from kmpc_lite.learn.fit_summary import verdict
 
 NOMINAL = (0.05, 0.02, 0.01)
 DRIVEN = {"forward": 1.1, "reverse": 0.4, "turn": 0.8}
@@ -33,11 +32,6 @@ def test_the_verdict_compares_with_the_nominal_robot(ratios: tuple[float, ...], 
     assert line.startswith(told) and line.endswith("drive up to 1.1 m/s.")
 
 
-def test_the_verdict_names_what_the_log_lacks() -> None:
-    line = verdict(report(1.0, 1.0, 5.0), {"missing": ["left", "stops"]}, DRIVEN)
-    assert line.endswith(" Missing: left turns, stops: `kmpc record --excite` shows them.")
-
-
 def test_a_log_at_one_steady_speed_is_not_called_good() -> None:
     line = verdict(report(5.0, 1.0, 1.0), {"missing": ["slow", "left", "right"]}, DRIVEN)
     assert line.startswith(
@@ -45,14 +39,3 @@ def test_a_log_at_one_steady_speed_is_not_called_good() -> None:
     )
     turning = verdict(report(5.0, 1.0, 1.0), {"missing": ["slow"]}, DRIVEN)
     assert turning.startswith("Good: ")
-
-
-def test_every_part_of_a_log_has_a_name() -> None:
-    assert {part.name for part in find_coverage([], 0.1, (1.0, 1.0, 1.0)).parts} == set(WORDS)
-
-
-def test_errors_are_told_in_one_line() -> None:
-    told = tell_errors(report(5.0, 1.0, 1.0))
-    assert told.startswith(
-        "errors 1 cm along, 2 cm across, 0.57 degrees after 1 s; nominal robot: 5"
-    )

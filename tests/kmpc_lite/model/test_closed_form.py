@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -50,14 +49,6 @@ def test_a_model_that_is_not_symmetric_has_no_closed_form(place: tuple[str, int,
     assert not np.array_equal(
         other.predict([0.4, 0.2, 0.9], [0.5, 0.3]), symmetric.predict([0.4, 0.2, 0.9], [0.5, 0.3])
     )
-
-
-def test_a_dictionary_that_lifts_otherwise_than_its_names_say_has_no_closed_form() -> None:
-    class Doubled(kl.UnicycleDictionary):
-        def lift(self, x: Any) -> Any:
-            return super().lift(np.asarray(x) * (1.0, 1.0, 2.0))
-
-    assert replace(kl.nominal_unicycle(0.1), dictionary=Doubled()).closed_form is None
 
 
 def test_displacement_along_measured_headings_is_the_generator_integrated_by_simpson() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from any_model import DICTIONARIES, UNICYCLE, every_model, points, random_model
 
-import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.model.noise_model import NoiseModel
 
@@ -57,17 +56,6 @@ def test_a_rollout_is_repeated_prediction(model: kl.KoopmanModel) -> None:
         np.testing.assert_allclose(
             states[k + 1], model.predict(states[k], u, commands[k : k + model.history]), rtol=1e-12
         )
-
-
-@every_model
-def test_a_rollout_without_history_starts_at_rest(model: kl.KoopmanModel) -> None:
-    x, inputs = np.ones(3), np.full((5, 2), 0.2)
-    np.testing.assert_array_equal(
-        model.rollout(x, inputs), model.rollout(x, inputs, np.zeros((model.history, 2)))
-    )
-    np.testing.assert_array_equal(
-        model.predict(x, inputs[0]), model.predict(x, inputs[0], np.zeros((model.history, 2)))
-    )
 
 
 @every_model
@@ -123,13 +111,6 @@ def test_a_batch_is_many_singles(model: kl.KoopmanModel, lead: tuple[int, ...]) 
             np.testing.assert_allclose(many[i], one, **close)
 
 
-def test_the_nominal_unicycle_is_the_plant_without_slip() -> None:
-    random = np.random.default_rng(7)
-    x, u = random.uniform(-3.0, 3.0, (100, 3)), random.uniform(-1.0, 1.0, (100, 2))
-    model, plant = kl.nominal_unicycle(0.1), kmpc_lab.DifferentialDrive(slip=0.0)
-    np.testing.assert_allclose(model.predict(x, u), plant.step(x, u, 0.1), rtol=0, atol=1e-8)
-
-
 def test_noise_grows_with_the_command() -> None:
     s = np.array([1e-4, 2e-4, 3e-4])[:, None, None] * np.eye(3)
     model = replace(kl.nominal_unicycle(0.1), noise_model=NoiseModel(s))
@@ -166,13 +147,3 @@ def test_a_model_that_cannot_change_its_period_says_so(model: kl.KoopmanModel) -
         model.with_dt(0.05)
     with pytest.raises(kl.ModelError, match="dt"):
         random_model(UNICYCLE, continuous=True).with_dt(-1.0)
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_stays_so_and_raises_nothing(bad: float) -> None:
-    model = kl.nominal_unicycle(0.1)
-    with np.errstate(invalid="ignore"):
-        assert np.isnan(model.predict([0.0, 0.0, bad], [0.5, 0.1])[0])
-        assert np.isnan(model.predict([0.0, 0.0, 0.0], [0.5, bad])[0])
-        assert np.isnan(model.rollout([0.0, 0.0, bad], [[0.5, 0.1]])[1, 0])
-        assert np.isnan(model.linearize([0.0, 0.0, bad], [0.5, 0.1]).value[0])

@@ -133,14 +133,6 @@ def test_a_dictionary_of_ones_own(tmp_path: Path) -> None:
 # damage
 
 
-def test_a_truncated_file_is_a_model_error(saved: Path) -> None:
-    whole = saved.read_bytes()
-    for length in [*range(0, len(whole), 37), len(whole) - 1]:
-        saved.write_bytes(whole[:length])
-        with pytest.raises(kl.ModelError, match="robot.npz"):
-            kl.KoopmanModel.load(saved)
-
-
 def test_a_flipped_byte_never_changes_a_model(saved: Path) -> None:
     whole, model = saved.read_bytes(), kl.KoopmanModel.load(saved)
     random, refused = np.random.default_rng(0), 0
@@ -222,15 +214,6 @@ def test_a_foreign_file_is_a_model_error(
     assert not Path("harmed").exists()
 
 
-@pytest.mark.parametrize("path", [".", "missing.npz", "robot.npz/inside.npz", "bad\0name"])
-def test_a_file_that_cannot_be_read_is_a_model_error(
-    saved: Path, monkeypatch: pytest.MonkeyPatch, path: str
-) -> None:
-    monkeypatch.chdir(saved.parent)
-    with pytest.raises(kl.ModelError):
-        kl.KoopmanModel.load(path)
-
-
 def rewrite(
     path: Path, header: dict[str, Any] | None = None, drop: str = "", **arrays: Any
 ) -> None:
@@ -250,26 +233,9 @@ def rewrite(
     ("change", "words"),
     [
         ({"header": {"version": 2}}, "version 2.*update kmpc_lite"),
-        ({"header": {"version": None}}, "version"),
-        ({"header": {"dt": 0}}, "dt"),
-        ({"header": {"dt": None}}, "dt"),
-        ({"header": {"dt": [1, 2]}}, "dt"),
         ({"header": {"info": 3}}, "info"),
-        ({"header": {"continuous": "no"}}, "continuous"),
-        ({"header": {"integrator": "euler"}}, "integrator"),
-        ({"header": {"dictionary": {"kind": "neural"}}}, "unknown dictionary"),
-        ({"header": {"dictionary": "unicycle"}}, "dictionary"),
-        ({"header": {"dictionary": {"kind": "hermite_trig", "order": 1e400}}}, "order"),
         ({"header": {"dictionary": {"kind": "hermite_trig", "order": 10**9}}}, "order"),
-        ({"header": {"dictionary": {"kind": "hermite_trig", "order": 0}}}, "expected shape"),
         ({"drop": "dt"}, "dt"),
-        ({"drop": "dictionary"}, "dictionary"),
-        ({"drop": "A"}, "A"),
-        ({"drop": "noise"}, "noise"),
-        ({"A": np.zeros((3, 5))}, "A: expected shape"),
-        ({"B": np.full((3, 2), -np.inf)}, "B holds NaN or infinity"),
-        ({"A": np.zeros(3, dtype=[("a", float)])}, "A: expected an array of real numbers"),
-        ({"noise": np.zeros((2, 3, 3))}, "noise"),
         ({"noise": np.full((3, 3, 3), "a")}, "noise"),
     ],
 )

@@ -23,7 +23,6 @@ ROBOTS = ("warthog", "husky")
 # RMS after 1 s (longitudinal m, lateral m, heading rad), from the README beside the logs
 NOMINAL = {"warthog": (0.525, 0.477, 0.808), "husky": (0.095, 0.185, 0.809)}
 REFERENCE = {"warthog": (0.266, 0.199, 0.129), "husky": (0.113, 0.057, 0.145)}
-REFERENCE_HISTORY = {"warthog": (0.134, 0.141, 0.109), "husky": (0.103, 0.076, 0.138)}
 # The reference does not say from which poses it predicts: its nominal rows, which no fit enters,
 # differ from ours by up to 1 %, and starting at every 5th pose instead of every one moves each
 # figure by as much. That is what equal means here.
@@ -55,16 +54,6 @@ def position_and_heading(errors: tuple[float, float, float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_log_is_what_its_readme_says(robot: str) -> None:
-    data = kl.Dataset.load(LOGS / f"{robot}.csv")
-    count, seconds = {"warthog": (360, 680.0), "husky": (597, 1113.0)}[robot]
-    # the README counts rows, each window has one step fewer
-    assert len(data) == count and data.dt == 0.05
-    assert (data.steps + count) * data.dt == pytest.approx(seconds, abs=1.0)
-    assert max(len(e) for e in data.episodes) * data.dt <= 2.0
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("stride", [1, 5])
 def test_the_nominal_unicycle_errs_as_in_the_reference(robot: str, stride: int) -> None:
     np.testing.assert_allclose(
@@ -80,13 +69,6 @@ def test_held_out_errors_are_at_or_below_the_reference(robot: str, stride: int) 
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("stride", [1, 5])
-def test_with_input_history_they_are_at_or_below_the_reference_too(robot: str, stride: int) -> None:
-    ours = position_and_heading(report(robot, HISTORY, stride=stride).multi_step)
-    assert (ours <= SLACK * position_and_heading(REFERENCE_HISTORY[robot])).all(), ours
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(("dt", "lags"), [(0.05, (1, 2, 3, 4)), (0.1, (0, 1, 2))])
 def test_input_history_helps(robot: str, dt: float, lags: tuple[int, ...]) -> None:
     without = position_and_heading(report(robot, TRIG, dt).multi_step)
@@ -99,15 +81,6 @@ def test_input_history_helps(robot: str, dt: float, lags: tuple[int, ...]) -> No
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_at_a_tenth_of_a_second_the_errors_are_the_same(robot: str) -> None:
-    coarse = position_and_heading(report(robot, TRIG, dt=0.1).multi_step)
-    np.testing.assert_allclose(
-        coarse, position_and_heading(report(robot, TRIG).multi_step), rtol=0.03
-    )
-    assert (coarse <= SLACK * position_and_heading(REFERENCE[robot])).all()
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
 def test_the_learned_turn_rate_is_that_of_the_readme(robot: str) -> None:
     model = kl.fit(halves(robot, 0.05)[0], TRIG)
     ratio = {"warthog": 0.63, "husky": 0.37}[robot]
@@ -116,16 +89,6 @@ def test_the_learned_turn_rate_is_that_of_the_readme(robot: str) -> None:
         - model.rollout(np.zeros(3), np.zeros((20, 2)))[-1, 2]
     )
     assert turned == pytest.approx(ratio, abs=0.05)
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("dictionary", [TRIG, HISTORY])
-def test_the_model_does_not_know_where_it_is(robot: str, dictionary: kl.Dictionary) -> None:
-    model = kl.fit(halves(robot, 0.05)[0], dictionary)
-    inputs, past = np.tile([1.0, 0.4], (20, 1)), np.tile([1.0, 0.4], (model.history, 1))
-    here = model.rollout([0.0, 0.0, 0.5], inputs, past)
-    there = model.rollout([30.0, -70.0, 0.5], inputs, past)
-    np.testing.assert_allclose(there - here, np.tile([30.0, -70.0, 0.0], (21, 1)), atol=1e-9)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

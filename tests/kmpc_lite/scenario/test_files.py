@@ -103,8 +103,6 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("radius = 0.15", "radius = -0.15", "[robot] radius"),
-        ("radius = 0.15", "radius = 'wide'", "[robot] radius"),
         ("radius = 0.15", "radius = 0.15\ndu_max = 1.0", "[robot] du_max: expected 2 numbers"),
         (
             "radius = 0.15",
@@ -116,38 +114,12 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
             "radius = 0.15\nturning_point = [0.1]",
             "[robot] turning_point: expected 2 numbers",
         ),
-        ("radius = 0.15", "radius = 0.15\nweight = 3", "[robot] weight: unknown key"),
-        ("[plant]", "[floor]", "unknown section [floor]"),
-        ("start = [0.0, 0.0, 0.0]", "", "[robot] start: missing"),
-        ("goal = [1.5, 1.5, 0.0]", "", "[robot] goal: missing"),
-        ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0]", "[robot] start: expected 3 numbers"),
-        ("start = [0.0, 0.0, 0.0]", "start = [0.45, 0.5, 0.0]", "[robot] start: (0.45, 0.5)"),
-        (
-            "goal = [1.5, 1.5, 0.0]",
-            "goal = [1.5, 2.5, 0.0]",
-            "[robot] goal: (1.5, 2.5) lies outside",
-        ),
-        ("goal = [1.5, 1.5, 0.0]", "goal = [0.5, 0.7, 0.0]", "[robot] goal: (0.5, 0.7)"),
-        ("bounds = [-2, -2.0, 2.0, 2.0]", "bounds = [2, 2, -2, -2]", "[map] bounds"),
-        (
-            "bounds = [-2, -2.0, 2.0, 2.0]",
-            "bounds = [-2, -2, 2]",
-            "[map] bounds: expected 4 numbers",
-        ),
-        ("bounds = [-2, -2.0, 2.0, 2.0]", "bounds = [-2, -2, inf, 2]", "[map] bounds"),
         ("[0.5, 0.5, 0.15],", "[0.5, 0.5],", "[map] circles: circle 0"),
-        ("[0.5, 0.5, 0.15],", "[0.5, 0.5, 0.15, 0.1],", "[map] circles: circle 0"),
-        ("0.2, 0.1, 0.0]]", "-0.2, 0.1, 0.0]]", "[map] circles: circle 1"),
-        ("0.2, 0.1, 0.0]]", f"1{'0' * 400}]]", "more than 300 digits"),
         (
             "circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]",
             "circles = 4",
             "[map] circles: expected a list",
         ),
-        ("slip = 0.05", "slip = 1e300", "[plant] slip: expected at most 0.99"),
-        ("slip = 0.05", "slip = 5", "[plant] slip: expected at most 0.99"),
-        ("slip = 0.05", "dead_time = 1e9", "[plant] dead_time: expected at most 10"),
-        ("slip = 0.05", "pose_age = nan", "[plant] pose_age"),
         (
             "slip = 0.05",
             "floors = [[1.0, 0.2]]",
@@ -159,14 +131,8 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
             "floors = [[2.0, 0.2, 1.0], [1.0, 0.2, 1.0]]",
             "[plant] floors: expected rising times",
         ),
-        ("slip = 0.05", "pose_noise = [0.1, 0.1]", "[plant] pose_noise"),
         ("slip = 0.05", "pose_noise = [0.1, -0.1, 0]", "[plant] pose_noise"),
-        ("seed = 3", "seed = -3", "[run] seed"),
-        ("timeout = 12.5", "timeout = 1e300", "[run] timeout: expected at most 100000"),
-        ("timeout = 12.5", "margin = -0.1", "[run] margin"),
         ("[map]", "map = 3\n[chart]", "[map] must be a section"),
-        ("[run]", "[[run]]", "[run] must be a section"),
-        ("[run]", "[run", "not TOML"),
     ],
 )
 def test_every_wrong_key_is_named(tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -178,41 +144,13 @@ def test_every_wrong_key_is_named(tmp_path: Path, old: str, new: str, words: str
     assert "field" in str(caught.value)
 
 
-@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00\x01", b"\x00" * 1000, b"PK\x03\x04"])
-def test_files_that_are_no_scenario(tmp_path: Path, content: bytes) -> None:
-    with pytest.raises(kl.ScenarioError, match="field"):
-        Scenario.load(write(tmp_path, content))
-
-
-def test_a_missing_file_and_an_unknown_name_are_told_apart(tmp_path: Path) -> None:
+def test_a_missing_file_and_an_unknown_name_are_distinguished(tmp_path: Path) -> None:
     with pytest.raises(kl.ScenarioError, match="No such file"):
         Scenario.load(tmp_path / "none.toml")
     with pytest.raises(kl.ScenarioError, match=r"no scenario named 'moon'.*mehrez"):
         Scenario.load("moon")
     with pytest.raises(kl.ScenarioError, match="directory"):
         Scenario.load(tmp_path)
-
-
-def test_a_moving_circle_may_be_at_the_goal_now_but_not_at_the_start(tmp_path: Path) -> None:
-    moving = GOOD.replace("[1.0, -1.0, 0.2, 0.1, 0.0]", "[1.5, 1.5, 0.2, 0.1, 0.0]")
-    assert Scenario.load(write(tmp_path, moving)).circles[1].x == 1.5
-    with pytest.raises(kl.ScenarioError, match="start"):
-        Scenario.load(
-            write(tmp_path, GOOD.replace("[1.0, -1.0, 0.2, 0.1, 0.0]", "[0.1, 0.0, 0.2, 0.1, 0.0]"))
-        )
-
-
-def test_circles_move_with_time() -> None:
-    scenario = Scenario(
-        "x",
-        (-2.0, -2.0, 2.0, 2.0),
-        (kl.Circle(1.0, -1.0, 0.2, 0.1, -0.2),),
-        0.15,
-        (0.0, 0.0, 0.0),
-        (1.5, 1.5, 0.0),
-    )
-    np.testing.assert_allclose(scenario.circles_at(2.0), [[1.2, -1.4, 0.2, 0.1, -0.2]])
-    np.testing.assert_allclose(scenario.circles_at(0.0), [[1.0, -1.0, 0.2, 0.1, -0.2]])
 
 
 def test_the_problem_has_the_maps_bounds_and_keeps_the_rest() -> None:
@@ -227,18 +165,6 @@ def test_the_problem_has_the_maps_bounds_and_keeps_the_rest() -> None:
         0.07,
         7,
         0.05,
-    )
-
-
-def test_limits_on_the_change_of_commands_reach_the_problem(tmp_path: Path) -> None:
-    limited = Scenario.load(
-        write(tmp_path, GOOD.replace("radius = 0.15", "radius = 0.15\ndu_max = [1.0, 4]"))
-    )
-    np.testing.assert_array_equal(limited.problem().du_max, [1.0, 4.0])
-    free = Scenario.load(write(tmp_path, GOOD))
-    assert not free.problem().limits_changes
-    np.testing.assert_array_equal(
-        free.problem(kl.NavigationProblem(du_max=(0.5, 2.0))).du_max, [0.5, 2.0]
     )
 
 
@@ -298,7 +224,7 @@ def test_the_controllers_options_are_read_and_written(tmp_path: Path) -> None:
         ("[controler.guidance]", "unknown section [controler]; did you mean 'controller'?"),
     ],
 )
-def test_a_wrong_option_is_told_with_its_file(tmp_path: Path, text: str, words: str) -> None:
+def test_a_wrong_option_is_reported_with_its_file(tmp_path: Path, text: str, words: str) -> None:
     file = write(tmp_path, f"{GOOD}\n{text}\n")
     with pytest.raises(kl.ScenarioError) as refused:
         Scenario.load(file)

@@ -45,6 +45,6 @@ def test_may_stand_where_its_circle_could_not() -> None:
         ({"length": 1e9, "width": 1.0}, "footprint: expected at most 1e"),
     ],
 )
-def test_wrong_ones_are_told(footprint: Any, expected: str) -> None:
+def test_wrong_ones_are_reported(footprint: Any, expected: str) -> None:
     with pytest.raises(ScenarioError, match=expected):
         scenario((-1.0, 0.0, 0.0), footprint)

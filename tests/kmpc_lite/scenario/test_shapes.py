@@ -12,7 +12,6 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
-from kmpc_lab.sim.maps.families import has_passage
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.gaps import obstacle_gaps
 
@@ -53,42 +52,17 @@ rows = ["#.?", "..."]
     [
         ("polygons = 1", "polygons: expected a list"),
         ("polygons = [[[0, 0], [1, 0]]]", "polygon 0: .*at least 3"),
-        ("polygons = [[[0, 0], [2, 0], [0.5, 0.5], [0, 2]]]", "polygon 0: .*convex"),
-        ("polygons = [[[0, 0], [nan, 0], [0.5, 0.5]]]", "polygon 0: .*finite"),
-        ("walls = [[0, 0, 1]]", r"wall 0: expected \[x1, y1, x2, y2\]"),
         ("walls = [[0, 0, 1, 1, -0.1]]", "wall 0: .*thickness"),
         ("walls = [[0, 0, 1, true]]", "wall 0: expected"),
-        ('grid = "nowhere.yaml"', "nowhere.yaml: cannot read the map"),
         ("grid = {rows = ['#']}", "grid: expected the path of a map.yaml, or a table"),
         ("grid = {resolution = 0.1, rows = ['##', '#']}", "rows: expected strings of one length"),
         ("grid = {resolution = 0.1, rows = ['#x']}", "got 'x'"),
-        ("grid = {resolution = 0.0, rows = ['#.']}", "resolution > 0"),
-        (
-            "walls = [[-1.1, -1.1, 0, 0]]",
-            r"start: \(-1, -1\) is 0 m from a polygon, wall or grid cell",
-        ),
-        (
-            "polygons = [[[0.9, 0.9], [1.5, 0.9], [1.5, 1.5], [0.9, 1.5]]]",
-            r"goal: \(1, 1\) is -0.1 m",
-        ),
     ],
 )
 def test_what_is_wrong_is_named_in_one_line(content: str, words: str) -> None:
     with pytest.raises(kl.ScenarioError, match=words) as refused:
         scenario(content)
     assert "\n" not in str(refused.value)
-
-
-def test_a_grid_is_looked_for_beside_the_scenario(tmp_path: Path) -> None:
-    (tmp_path / "map.pgm").write_bytes(b"P5 2 1 255\n" + bytes([0, 254]))
-    (tmp_path / "map.yaml").write_text(
-        "image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n", encoding="utf-8"
-    )
-    file = tmp_path / "field.toml"
-    file.write_text(
-        f'[map]\nbounds = [-2.0, -2.0, 2.0, 2.0]\ngrid = "map.yaml"\n{ROBOT}', encoding="utf-8"
-    )
-    assert Scenario.load(file).grid == kl.OccupancyGrid([[100, 0]], 0.1)
 
 
 class Straight:
@@ -118,18 +92,6 @@ def test_a_collision_is_found_at_the_sub_sample(map_: dict[str, Any]) -> None:
     np.testing.assert_allclose(
         obstacle_gaps(field, run.path[:, :2], np.zeros(len(run.path)))[1:].min(), run.clearance
     )
-
-
-def test_passages_are_judged_past_solids_too() -> None:
-    ends, bounds = (np.array([-1.5, 0.0]), np.array([1.5, 0.0])), np.array([-2.0, -2.0, 2.0, 2.0])
-    door = [kl.Wall(0.0, -2.5, 0.0, -0.3), kl.Wall(0.0, 0.3, 0.0, 2.5)]
-    assert has_passage(np.empty((0, 3)), *ends, 0.28, bounds, solids=door)
-    assert not has_passage(np.empty((0, 3)), *ends, 0.31, bounds, solids=door)
-    cells = np.ones((100, 2), dtype=bool)
-    cells[40:60] = False
-    turned = kl.OccupancyGrid(cells, 0.05, (0.0, -2.5, 0.0))
-    assert has_passage(np.empty((0, 3)), *ends, 0.47, bounds, solids=[turned])
-    assert not has_passage(np.empty((0, 3)), *ends, 0.51, bounds, solids=[turned])
 
 
 def test_pictures_show_solids(tmp_path: Path) -> None:

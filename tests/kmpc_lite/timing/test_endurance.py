@@ -40,12 +40,3 @@ def test_memory_is_flat() -> None:
 @pytest.mark.long
 def test_memory_is_flat_over_100_000_steps() -> None:
     assert endure(100_000) < 5.0
-
-
-def test_three_seconds_without_a_pose_end_in_the_zero_command() -> None:
-    controller, x = kl.Controller(kl.nominal_unicycle(0.1)), np.zeros(3)
-    for _ in range(5):
-        x = controller.step(x, (1.5, 1.0, 0.0)).states[1]
-    sent = [controller.step(np.full(3, np.nan), (1.5, 1.0, 0.0)).command for _ in range(30)]
-    assert np.abs(sent[0]).max() > 0.1 and not sent[-1].any()
-    assert np.abs(np.diff([c[0] for c in sent[5:]])).max() <= 0.1 + 1e-9  # the ramp: 1 m/s^2

@@ -9,7 +9,7 @@ from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkError
 
 
-def test_a_silent_board_is_told_in_words(name, tmp_path):
+def test_a_silent_board_is_reported_in_words(name, tmp_path):
     rig = Rig(name, f"pty:{tmp_path}/port")
     rig.emulator.mute = True
     with pytest.raises(LinkError, match="no answer within 0.3 s: is it powered, wired TX to RX"):
@@ -18,7 +18,7 @@ def test_a_silent_board_is_told_in_words(name, tmp_path):
     rig.close()
 
 
-def test_wrong_baud_is_told_in_words(name, tmp_path):
+def test_wrong_baud_is_reported_in_words(name, tmp_path):
     floor = {"baud": 115200}
     emulator = EMULATORS[name].from_options(TABLES[name], **floor)
     emulator.start(f"pty:{tmp_path}/port")
@@ -34,28 +34,6 @@ def test_wrong_baud_is_told_in_words(name, tmp_path):
     assert right.health().ready
     right.close()
     emulator.close()
-
-
-def test_nobody_at_the_port(name, tmp_path):
-    driver = DRIVERS[name].from_options(open_transport(f"pty:{tmp_path}/none"), TABLES[name])
-    with pytest.raises(LinkError, match="no such port"):
-        driver.connect(1.0)
-    driver.close()
-
-
-def test_second_driver_on_the_port_is_refused(rig):
-    rig.connect()
-    second = DRIVERS[rig.name].from_options(open_transport(rig.url), TABLES[rig.name])
-    with pytest.raises(LinkError, match="in use"):
-        second.connect(1.0)
-    rig.is_ready()
-
-
-def test_close_twice_and_before_connect(name, tmp_path):
-    driver = DRIVERS[name].from_options(open_transport(f"pty:{tmp_path}/none"), TABLES[name])
-    driver.close()
-    driver.close()
-    assert driver.state() is None and not driver.health().connected and not driver.health().ready
 
 
 @pytest.mark.parametrize(

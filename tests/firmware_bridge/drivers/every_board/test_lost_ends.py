@@ -81,7 +81,7 @@ def test_unplugged_while_driving_and_plugged_in_again(rig):
     rig.starts(0.3, 0.0)
 
 
-def test_a_mute_board_is_told_to_stop_all_the_same(rig):
+def test_a_mute_board_is_commanded_to_stop_all_the_same(rig):
     """The wire from the board is broken, the one to it is not.
 
     Zeros must go out, and nothing else.
@@ -110,7 +110,7 @@ def test_lost_replies_are_counted_and_overcome(rig):
     assert until(lambda: rig.counters["frames"] > frames + 10) and rig.driver.health().ready
 
 
-def test_a_bug_in_the_driver_is_told_and_the_motors_are_stopped(rig, monkeypatch):
+def test_a_bug_in_the_driver_is_reported_and_the_motors_are_stopped(rig, monkeypatch):
     rig.connect()
     rig.drive(0.3, 0.0, 0.1)
 

@@ -3,43 +3,13 @@
 import math
 import random
 import struct
-import time
 
-from boards import DRIVERS, EMULATORS, TABLES, Rig, with_board
+from boards import DRIVERS, EMULATORS, TABLES, Rig
 from loopback import Faults, named_wire
 
 from firmware_bridge.drivers.arduino import line
 from firmware_bridge.link import open_transport
-from firmware_bridge.link.framing import odrive_line, roboclaw_packet, vesc_packet
-
-
-def test_boot_text_and_noise_are_skipped(rig):
-    rig.connect()
-    rig.emulator.say(b"\r\n*** booting ***\r\n\x02\x03\xff\x80" * 3)
-    rig.drive(0.2, 0.0, 0.2)
-    rig.is_ready()
-    assert rig.counters["bad_bytes"] + rig.counters["unexpected_replies"] > 0
-    assert rig.counters["odometry_jumps"] == 0
-
-
-def test_replies_that_nobody_asked_for_are_told(name, tmp_path):
-    """As a second master on the line would cause."""
-    rig = Rig(name, f"pty:{tmp_path}/port", with_board(name, poll_hz=5.0)).connect()
-    answer = {
-        "roboclaw": bytes(10),
-        "odrive": odrive_line("1.0 2.0", True),
-        "vesc": vesc_packet(b"\x04"),
-        "roboteq": b"C=1:2\r",
-        "arduino": line("S 77 1 2 3 4 5 0"),
-    }[name]
-    for _ in range(20):
-        rig.emulator.say(answer)
-        time.sleep(0.01)
-    assert rig.counters["unexpected_replies"] >= 5
-    assert any(
-        "does another program talk to the board" in fault for fault in rig.driver.health().faults
-    )
-    rig.close()
+from firmware_bridge.link.framing import roboclaw_packet, vesc_packet
 
 
 def test_wire_shows_only_speeds_within_the_limit_under_faults(name):

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from firmware_bridge.drivers.mavlink.clock import WRAP, VehicleClock
+from firmware_bridge.drivers.mavlink.clock import VehicleClock
 
 OFFSET = 1234.5
 
@@ -21,16 +21,6 @@ def sync(
     """One round trip that starts at `now`."""
     ts1 = clock.ask(now)
     return clock.answer(int((now + there + offset) * 1e9), ts1, now + there + back)
-
-
-def test_before_the_first_round_trip_the_arrival_counts() -> None:
-    assert VehicleClock().stamp(1000, 50.0) == 50.0
-
-
-def test_a_symmetrical_round_trip_is_exact() -> None:
-    clock = VehicleClock()
-    assert sync(clock, 10.0)
-    assert clock.stamp(round((11.0 + OFFSET) * 1000), 11.3) == pytest.approx(11.0, abs=1e-6)
 
 
 def test_the_error_is_at_most_half_of_the_best_round_trip() -> None:
@@ -49,17 +39,6 @@ def test_a_stamp_is_never_later_than_the_arrival_and_old_data_look_old() -> None
     assert clock.stamp(round((12.5 + OFFSET) * 1000), 19.5) == pytest.approx(12.5, abs=0.02)
 
 
-def test_boot_time_wraps() -> None:
-    clock = VehicleClock()
-    offset = WRAP - 30.0
-    sync(clock, 10.0, offset=offset)
-    for now in (20.0, 29.9, 30.1, 40.0):
-        assert clock.stamp(round((now - 0.1 + offset) * 1000) % 2**32, now) == pytest.approx(
-            now - 0.1, abs=1e-3
-        )
-    assert clock.jumps == 0
-
-
 def test_a_reboot_is_noticed_at_once() -> None:
     clock = VehicleClock()
     sync(clock, 10.0)
@@ -70,16 +49,7 @@ def test_a_reboot_is_noticed_at_once() -> None:
     assert clock.stamp(2500, 12.6) == pytest.approx(12.5)
 
 
-def test_a_clock_that_is_set_is_noticed() -> None:
-    clock = VehicleClock()
-    sync(clock, 10.0)
-    sync(clock, 11.0, offset=OFFSET + 3.0)
-    assert clock.jumps == 1
-    assert clock.best is not None
-    assert clock.best.offset == pytest.approx(OFFSET + 3.0)
-
-
-def test_answers_to_nobody_or_too_late_are_refused() -> None:
+def test_answers_without_a_question_or_too_late_are_refused() -> None:
     clock = VehicleClock()
     assert not clock.answer(10**9, 77, 1.0)
     assert not sync(clock, 10.0, 0.4, 0.4)

@@ -8,10 +8,8 @@ from firmware_bridge.drivers.mavlink.commands import (
     ACCEPTED,
     ARM,
     DENIED,
-    FAILED,
     IN_PROGRESS,
     SET_MESSAGE_INTERVAL,
-    SET_MODE,
     CommandDesk,
 )
 from firmware_bridge.drivers.mavlink.streams import Stream, StreamRequests, rates_from
@@ -36,27 +34,6 @@ def test_sent_again_until_acknowledged() -> None:
     wire.desk.tick(99.0)
     assert len(wire.sent) == 3
     assert wire.desk.result(ARM) == ACCEPTED
-
-
-def test_replies_to_another_command_are_not_ours() -> None:
-    wire = Wire()
-    wire.desk.request(ARM, 1.0, now=0.0)
-    assert not wire.desk.on_ack(SET_MODE, ACCEPTED, 0.1)
-    assert wire.desk.result(ARM) is None
-    assert wire.desk.result(SET_MODE) is None
-
-
-def test_a_patient_request_comes_back_after_a_refusal() -> None:
-    wire = Wire()
-    wire.desk.request(ARM, 1.0, now=0.0, patient=True)
-    wire.desk.on_ack(ARM, FAILED, 0.1)
-    wire.desk.tick(1.0)
-    assert len(wire.sent) == 1
-    wire.desk.tick(1.11)
-    assert len(wire.sent) == 2
-    wire.desk.on_ack(ARM, DENIED, 1.2)
-    wire.desk.tick(60.0)
-    assert len(wire.sent) == 2
 
 
 def test_work_in_progress_is_waited_for() -> None:
@@ -93,7 +70,7 @@ def test_one_request_at_a_time_and_less_after_a_denial() -> None:
     assert requests.refused() == ()
 
 
-def test_what_is_given_at_no_rate_is_told() -> None:
+def test_what_is_given_at_no_rate_is_reported() -> None:
     wire = Wire()
     requests = streams(wire, 40.0, 20.0)
     for i in range(12):
@@ -103,18 +80,3 @@ def test_what_is_given_at_no_rate_is_told() -> None:
         )
     assert requests.answered
     assert requests.refused() == ("LOCAL_POSITION_NED",)
-
-
-def test_a_stream_that_stops_is_asked_for_again() -> None:
-    wire = Wire()
-    requests = streams(wire, 40.0)
-    now = 0.0
-    for _ in range(200):
-        now += 0.05
-        requests.tick(now)
-        wire.desk.on_ack(SET_MESSAGE_INTERVAL, ACCEPTED, now)
-        requests.saw(30, now - 0.025)
-        requests.saw(30, now)
-    asked = [parameters[0] for _, parameters, _ in wire.sent]
-    assert asked.count(30) == 1
-    assert 5 <= asked.count(32) <= 7

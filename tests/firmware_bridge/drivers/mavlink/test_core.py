@@ -41,17 +41,6 @@ def test_what_we_command_is_what_moves_and_what_we_see(
     )
 
 
-def test_stamps_are_the_vehicle_s_own_whatever_the_link_takes() -> None:
-    rig = Rig(latency=0.08)
-    rig.take()
-    rig.drive(0.5, 0.0, 6.0)
-    state = rig.core.state
-    assert state is not None
-    assert 0.08 <= rig.now - state.stamp <= 0.15
-    # the truth at the stamp, up to the loop period that the vehicle adds to one way
-    assert error(rig)[0] < 0.5 * 0.02
-
-
 def test_time_boot_ms_wraps_while_driving() -> None:
     rig = Rig(uptime=2**32 / 1000.0 - 8.0)
     rig.take()
@@ -66,19 +55,6 @@ def test_time_boot_ms_wraps_while_driving() -> None:
     assert rig.rover._telemetry.boot_ms < 10_000
     assert max(ages) < 0.1
     assert rig.core.counters["clock_jumps"] == 0
-
-
-def test_telemetry_rates() -> None:
-    rig = Rig(MavlinkOptions(rate=50.0))
-    rig.run(5.0)
-    stamps = set()
-    rig.run(10.0, lambda: stamps.add(rig.core.state.stamp), 0.005)  # type: ignore[union-attr]
-    assert 390 <= len(stamps) <= 410, "50 Hz is denied at the delivered loop rate, 40 Hz is given"
-    fast = Rig(MavlinkOptions(rate=50.0), parameters={"SCHED_LOOP_RATE": 100.0})
-    fast.run(5.0)
-    stamps.clear()
-    fast.run(10.0, lambda: stamps.add(fast.core.state.stamp), 0.005)  # type: ignore[union-attr]
-    assert 490 <= len(stamps) <= 510
 
 
 def test_telemetry_comes_back_after_a_reboot() -> None:
@@ -231,11 +207,3 @@ def test_what_is_not_finite_never_reaches_the_wire(v: float, omega: float) -> No
     with pytest.raises(ValueError, match="finite"):
         rig.core.set_point(v, omega, rig.now)
     assert len(rig.sent) == before
-
-
-def test_zeros_always_go_out() -> None:
-    rig = Rig()
-    rig.core.set_point(0.0, 0.0, rig.now)
-    rig.core.set_point(0.1, 0.0, rig.now)
-    assert [frame[7] for _, frame in rig.sent] == [84]
-    assert rig.core.counters["held_back"] == 1

@@ -11,15 +11,6 @@ from mavlink_rig import Rig, dialect, other
 class TestEstimate:
     """When the pose is not to be trusted."""
 
-    def test_ekf_flags(self) -> None:
-        rig = Rig()
-        rig.take()
-        assert rig.core.status(rig.now, True).pose_ok
-        rig.rover.lose_position()
-        took = rig.until(lambda: not rig.core.status(rig.now, True).pose_ok, 1.0)
-        assert took <= 0.1
-        assert "EKF: no horizontal position" in rig.faults
-
     @pytest.mark.parametrize(
         ("flags", "fault"),
         [
@@ -42,17 +33,6 @@ class TestEstimate:
         )
         status = rig.core.status(rig.now, True)
         assert (status.pose_ok, status.faults) == (False, (fault,))
-
-    def test_relative_position_is_enough(self) -> None:
-        rig = Rig()
-        rig.take()
-        rig.core.receive(
-            other(1).encode(
-                dialect.MAVLink_ekf_status_report_message(1 | 2 | 8, 0.0, 0.0, 0.0, 0.0, 0.0)
-            ),
-            rig.now,
-        )
-        assert rig.core.status(rig.now, True).pose_ok
 
     def test_flags_that_stop_coming_are_not_believed(self) -> None:
         rig = Rig()
@@ -101,16 +81,7 @@ class TestEstimate:
         assert 0.7 < rig.now - state.stamp <= 1.0
         assert rig.core.counters["unpaired_positions"] > 20
 
-    def test_pose_stamps_grow_old_when_the_link_is_silent(self) -> None:
-        rig = Rig()
-        rig.take()
-        rig.to_core = lambda frame: []
-        rig.run(1.0)
-        status = rig.core.status(rig.now, True)
-        assert rig.now - status.pose_stamp > 0.9
-        assert rig.now - status.heartbeat_stamp > 0.9
-
-    def test_poses_that_are_no_numbers_are_told_as_such(self) -> None:
+    def test_poses_that_are_no_numbers_are_reported_as_such(self) -> None:
         rig = Rig()
         rig.take()
         word = "the autopilot sends poses that are no numbers, or impossible ones"

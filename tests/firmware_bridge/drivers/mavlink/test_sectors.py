@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from mavlink_rig import dialect
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
@@ -60,18 +58,6 @@ def test_sectors_go_clockwise_from_the_front(component):
     assert (sweep.range_min, sweep.range_max) == (0.2, 8.0)
     # a sector is as wide as it is: its neighbour begins after two and a half degrees
     assert at(sweep, math.radians(2.0)) == 1.0 and at(sweep, math.radians(3.0)) == math.inf
-
-
-def test_offset_and_increment_count():
-    sectors, say = rig()
-    say(ring([100, 200, 300], step=30.0, offset=-30.0), 5.0)
-    sweep = sectors.sweep()
-    told = [at(sweep, math.radians(a)) for a in (30, 0, -30)]
-    assert told == [1.0, 2.0, 3.0] and len(sweep.angles) == 12 * 30
-    say(ring([100, 200], step=-90.0, offset=0.0), 6.0)  # counter-clockwise, and too wide
-    assert sectors.counters["refused"] == 1
-    say(ring([100, 200], step=-45.0), 6.0)
-    assert at(sectors.sweep(), math.radians(45.0)) == 2.0
 
 
 def test_sectors_aligned_with_north_turn_with_the_vehicle():
@@ -140,27 +126,6 @@ def test_strangers_and_nonsense_are_passed_over():
     assert "PRX1_TYPE" in sectors.health().faults[0]
 
 
-@given(
-    st.lists(st.integers(0, 65535), min_size=72, max_size=72),
-    st.integers(0, 255),
-    st.floats(width=32),
-    st.floats(width=32),
-    st.integers(0, 255),
-    st.tuples(st.integers(0, 65535), st.integers(0, 65535)),
-)
-def test_whatever_comes_is_bounded(told, step, fine, offset, frame, limits):
-    sectors = Sectors(1, lambda: FACING_NORTH)
-    message = dialect.MAVLink_obstacle_distance_message(
-        0, 0, told, step, *limits, fine, offset, frame
-    )
-    message._header.srcSystem = 1
-    sectors.take(message, 1.0)
-    sweep = sectors.sweep()
-    if sweep is not None:
-        assert len(sweep.angles) <= 1000 and np.isfinite(sweep.angles).all()
-        assert not (sweep.ranges < 0.0).any()
-
-
 def test_the_emulated_sensor_sees_a_pillar_where_it_is():
     sensor = SectorSensor(World([(2.0, 0.0, 0.5, 0.0, 0.0)]))
     sectors, say = rig()
@@ -169,14 +134,3 @@ def test_the_emulated_sensor_sees_a_pillar_where_it_is():
     assert at(sectors.sweep(), 1.0) == math.inf
     say(sensor.message((0.0, 0.0, math.pi / 2), 1.0), 5.1)
     assert at(sectors.sweep(), -math.pi / 2) == pytest.approx(1.5, abs=0.05)
-
-
-def test_without_a_lidar_nobody_listens():
-    taken = []
-    core = MavlinkCore(MavlinkOptions(), lambda frame: None, 1.7e9, lambda m, now: taken.append(m))
-    core.receive(MavlinkCodec(1, 158).encode(ring([100] * 72)), 5.0)
-    assert not taken
-    names = {stream.name for stream in core.streams.streams}
-    assert "OBSTACLE_DISTANCE" not in names
-    core = MavlinkCore(MavlinkOptions(sectors=True), lambda frame: None, 1.7e9)
-    assert "OBSTACLE_DISTANCE" in {stream.name for stream in core.streams.streams}

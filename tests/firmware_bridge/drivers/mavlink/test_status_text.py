@@ -15,7 +15,7 @@ def chunk(text: str, number: int = 0, sequence: int = 0) -> SimpleNamespace:
     return SimpleNamespace(severity=4, text=text, id=number, chunk_seq=sequence)
 
 
-def test_a_long_refusal_is_told_whole_in_the_autopilots_own_words() -> None:
+def test_a_long_refusal_is_reported_whole_in_the_autopilots_own_words() -> None:
     """The firmware sends it in chunks of 50; it was cut, and the reason with it."""
     rig = Rig()
     rig.run(4.0)
@@ -26,17 +26,6 @@ def test_a_long_refusal_is_told_whole_in_the_autopilots_own_words() -> None:
     rig.rover.autopilot.arming_failure = ""
     rig.until(lambda: rig.ready, 5.0)
     assert rig.core.refusals(rig.now) == ()
-
-
-def test_the_checks_can_be_asked_for_without_arming() -> None:
-    rig = Rig()
-    rig.run(4.0)
-    rig.rover.autopilot.arming_failure = LONG
-    rig.core.status_texts.on_armed()
-    rig.core.ask_prearm(rig.now)
-    rig.run(0.3)
-    assert rig.core.refusals(rig.now) == (f"PreArm: {LONG}",)
-    assert not rig.rover.armed
 
 
 def test_chunks_in_any_order_and_texts_of_whole_chunks() -> None:
@@ -53,12 +42,3 @@ def test_a_lost_chunk_leaves_a_gap_and_not_silence() -> None:
     words.on_text(chunk("the end", 7, 2), 0.1)
     words.tick(2.0)
     assert words.texts[-1][1] == "a" * 50 + " ... " + "the end"
-
-
-def test_only_the_newest_batch_of_refusals_counts() -> None:
-    words = StatusTexts()
-    words.on_text(chunk("PreArm: Gyros not calibrated"), 0.0)
-    words.on_text(chunk("PreArm: GPS 1: Bad fix"), 30.0)
-    words.on_text(chunk("PreArm: Need Position Estimate"), 30.2)
-    assert words.refusals(31.0) == ("PreArm: GPS 1: Bad fix", "PreArm: Need Position Estimate")
-    assert words.refusals(70.0) == ()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import struct
 from io import BytesIO
-from pathlib import Path
 from zlib import crc32
 
 import pytest
@@ -15,8 +14,6 @@ from kmpc_lite.learn.formats.mcap import (
     MAGIC,
     RECORD,
     Op,
-    is_ours,
-    read_mcap,
     read_messages,
     record,
 )
@@ -56,15 +53,6 @@ def test_another_library_reads_every_message_and_jumps() -> None:
     assert records[-1].summary_start > 0
 
 
-def test_what_was_written_is_read_in_order(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    path.write_bytes(b"".join(pieces()))
-    first, *others = read_mcap(path)
-    assert is_ours(path)
-    assert (first.topic, first.content) == ("metadata:about", {"is": "a test", "ü": "ö"})
-    assert [json.loads(found.content)["n"] for found in others] == list(range(40))
-
-
 def test_a_file_that_was_cut_anywhere_is_read_up_to_its_last_whole_piece() -> None:
     whole = pieces()
     content, ends = b"".join(whole), []
@@ -80,15 +68,11 @@ def test_a_file_that_was_cut_anywhere_is_read_up_to_its_last_whole_piece() -> No
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "not an MCAP file"),
-        (b"PK\x03\x04" + 100 * b"0", "not an MCAP file"),
         (MAGIC, "not an MCAP file"),
         (MAGIC + record(Op.FOOTER, b"") + MAGIC, "without a header"),
-        (MAGIC + record(Op.HEADER, struct.pack("<I", 2**31)), "ends too soon"),
         (pieces()[0].replace(b"kmpc", b"ros2", 1), "the profile 'ros2'"),
         (pieces()[0] + record(Op.MESSAGE, struct.pack("<HIQQ", 9, 1, 0, 0)), "was not announced"),
         (pieces()[0] + record(Op.MESSAGE, b"1"), "too short"),
-        (pieces()[0] + pieces()[2].replace(b'"n":3', b'"n":4'), "damaged"),
         (pieces()[0] + pieces()[1][:20] + 2**7 * b"\xff" + pieces()[1][20:], "too soon"),
     ],
 )

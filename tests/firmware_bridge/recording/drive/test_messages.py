@@ -38,41 +38,6 @@ def test_every_message_is_as_its_schema_says(scenario: Scenario, content: bytes)
     assert seen == {topic.name for topic in TOPICS}
 
 
-def test_foxglove_knows_every_part_of_its_kinds(scenario: Scenario, content: bytes) -> None:
-    """Its own descriptions take the messages, and know no part that they lack."""
-    messages = pytest.importorskip("foxglove.messages", reason="needs foxglove-sdk")
-    protobuf = pytest.importorskip("google.protobuf.json_format", reason="needs protobuf")
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-
-    for part in (content, every_kind(scenario)):
-        for _, name, _, message in decoded(part):
-            if not name.startswith("foxglove."):
-                continue
-            schema = getattr(messages, name.removeprefix("foxglove.")).get_schema()
-            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
-            pool = descriptor_pool.DescriptorPool()
-            for file in files.file:
-                pool.Add(file)
-            kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
-            taken = protobuf.ParseDict(_as_protobuf(message), kind())
-            assert taken.ByteSize() > 0
-
-
-def _as_protobuf(value: Any) -> Any:
-    """Times and durations as protobuf's JSON has them."""
-    if isinstance(value, list):
-        return [_as_protobuf(part) for part in value]
-    if not isinstance(value, dict):
-        return value
-    if value.keys() == {"sec", "nsec"}:
-        return f"{value['sec']}.{value['nsec']:09d}s"
-    found = {key: _as_protobuf(part) for key, part in value.items()}
-    if isinstance(found.get("timestamp"), str):
-        seconds = np.datetime64(round(1e9 * float(found["timestamp"][:-1])), "ns")
-        found["timestamp"] = f"{seconds}Z"
-    return found
-
-
 def test_a_mirrored_scan_is_shown_where_it_was_seen(scenario: Scenario) -> None:
     plan = controller_of(scenario).step(scenario.start, scenario.goal)
     scan = kl.LaserScan([1.0], angle_min=0.5, angle_increment=0.1, range_max=4.0, mirrored=True)

@@ -34,31 +34,6 @@ def test_a_run_keeps_what_its_lidar_saw(tmp_path):
         np.testing.assert_allclose(scan.ends, told.ends, atol=1e-6)
 
 
-def test_what_counts_of_a_scan_is_kept_however_it_was_told():
-    ranges = np.linspace(0.05, 4.5, 40)
-    ranges[7], ranges[25:30] = np.nan, np.inf
-    scan = kl.LaserScan(
-        ranges,
-        0.2,
-        0.1,
-        4.0,
-        range_min=0.3,
-        mount=(0.1, 0.05, 1.0),
-        mirrored=True,
-        self_radius=0.5,
-        ignore=((0.0, 0.4),),
-    )
-    ((_, told),) = scans_of(scans_to_arrays([(0.0, scan)]))
-    for name in ("hits", "clear", "unknown"):
-        assert getattr(scan, name).any()
-        np.testing.assert_array_equal(getattr(scan, name), getattr(told, name))
-    np.testing.assert_allclose(scan.ends, told.ends, atol=1e-6)
-
-
-def test_a_run_without_a_lidar_has_none():
-    assert scans_to_arrays(()) == {} and scans_of({"states": 0}) == ()
-
-
 @pytest.mark.parametrize("bad", ["times", "ranges", "scanner", "nan", "text"])
 def test_damaged_scans_are_refused(bad):
     scan = kl.LaserScan(np.full(8, 2.0), 0.0, 0.1, 4.0)

@@ -5,9 +5,8 @@ import pytest
 
 import kmpc_lite as kl
 from firmware_bridge.live.moment import last_step, numbers, plan_packet
-from firmware_bridge.recording.drive.seen import BEAMS, CORNERS, counted, hits, outline
+from firmware_bridge.recording.drive.seen import CORNERS, counted, outline
 from kmpc_lite.control.world.sight.rays import Rays
-from kmpc_lite.geometry import rotate
 
 
 def test_an_outline_ends_at_what_was_hit_and_at_the_reach():
@@ -22,21 +21,6 @@ def test_an_outline_ends_at_what_was_hit_and_at_the_reach():
     np.testing.assert_allclose(away[ahead], 1.0)
     assert np.isclose(away, 4.0).sum() > 0.9 * CORNERS
     np.testing.assert_allclose(corners[0], corners[-1])  # all around: there is no seam
-
-
-@pytest.mark.parametrize(("beams", "mirrored"), [(1, False), (37, True), (1440, False)])
-def test_scanners_of_any_sort_have_one(beams, mirrored):
-    scan = kl.LaserScan(np.full(beams, 2.0), -1.0, 2.0 / beams, 4.0, mirrored=mirrored)
-    corners = outline(scan)
-    assert np.isfinite(corners).all() and not corners[0].any()
-    np.testing.assert_allclose(np.hypot(*corners[1:].T), 2.0)
-    assert (np.diff(np.arctan2(*corners[1:].T[::-1])) * (-1 if mirrored else 1) > -1e-9).all()
-    assert len(hits(scan)) <= BEAMS
-
-
-def test_what_tells_nothing_is_not_free():
-    corners = outline(kl.LaserScan(np.full(40, np.nan), 0.0, 0.1, 4.0))
-    assert not corners.any()
 
 
 def looked(scan: kl.LaserScan, footprint: kl.Footprint | None = None):
@@ -79,15 +63,6 @@ def test_a_picture_shows_the_hits_that_the_controller_used(age: float) -> None:
     # shown as measured: the controller counts neighbours on one surface with each other
     assert (away < 1e-9).mean() > 0.9 and away.max() < 2.0 * scan.noise
     assert packet["seen"] != numbers(outline(scan))
-
-
-def test_a_scan_that_turned_while_the_robot_drove_is_placed_by_its_middle_beam() -> None:
-    scan = kl.LaserScan(np.full(101, 2.0), -1.0, 0.02, 4.0, time_increment=0.002)
-    controller, _, _ = looked(scan)
-    now, then = controller.state.seen.poses_at(np.array([0.0, 0.1 / controller.scale.time]))
-    way = rotate(*(then - now)[:2] * controller.scale.length, -now[2])
-    assert np.hypot(*way) > 0.01
-    assert counted(controller, scan).mount == pytest.approx((*way, then[2] - now[2]))
 
 
 def test_hits_within_a_footprint_are_the_robot_itself() -> None:

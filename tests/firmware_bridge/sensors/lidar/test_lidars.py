@@ -1,6 +1,5 @@
 """Lidar drivers against their emulators over pseudo-terminals: what they see, and every fault."""
 
-import math
 import time
 
 import numpy as np
@@ -13,7 +12,6 @@ from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.sensors.lidar.kinds import lidar_transport, open_lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.sight import make_scan
-from kmpc_lite.scenario.world import world_of
 
 KINDS = ("rplidar", "ld06")
 
@@ -64,15 +62,6 @@ def test_it_sees_what_is_there(driver, mirrored, tmp_path):
         assert health.counters["bad_bytes"] == 0
 
 
-def test_beams_are_stamped_over_a_turn(pair):
-    lidar, emulator = pair
-    assert newer(lidar)
-    sweep = lidar.sweep()
-    assert np.ptp(sweep.stamps) > 0.3 / emulator.model.rate
-    assert np.ptp(sweep.stamps) < 3.0 / emulator.model.rate
-    assert sweep.stamp <= time.monotonic()
-
-
 @pytest.mark.parametrize("fault", [{"lost": 0.002}, {"wrong": 0.002}, {"garbage": 0.003}])
 def test_bytes_that_are_lost_wrong_or_too_many_cost_few_beams(pair, fault):
     lidar, emulator = pair
@@ -88,7 +77,7 @@ def test_bytes_that_are_lost_wrong_or_too_many_cost_few_beams(pair, fault):
     assert len(hit) > 30 and strange.mean() < 0.1
 
 
-def test_noise_on_the_line_gives_no_turn_and_is_told(pair):
+def test_noise_on_the_line_gives_no_turn_and_is_reported(pair):
     lidar, emulator = pair
     emulator.faults.lost = emulator.faults.wrong = 0.5
     time.sleep(0.3)
@@ -98,21 +87,13 @@ def test_noise_on_the_line_gives_no_turn_and_is_told(pair):
     assert newer(lidar) and until(lambda: not lidar.health().faults)
 
 
-def test_a_stuck_motor_gives_no_turn_and_is_told(pair):
+def test_a_stuck_motor_gives_no_turn_and_is_reported(pair):
     lidar, emulator = pair
     emulator.faults.stuck = True
     time.sleep(0.3)
     assert silent(lidar)
     assert until(lambda: "motor" in "".join(lidar.health().faults))
     emulator.faults.stuck = False
-    assert newer(lidar)
-
-
-def test_silence_is_told(pair):
-    lidar, emulator = pair
-    emulator.faults.mute = True
-    assert until(lambda: lidar.health().faults != ())
-    emulator.faults.mute = False
     assert newer(lidar)
 
 
@@ -126,7 +107,7 @@ def test_it_comes_back_after_the_plug_was_pulled(pair, tmp_path):
 
 
 @pytest.mark.parametrize(("driver", "words"), [("rplidar", "115200"), ("ld06", "230400")])
-def test_a_wrong_baud_rate_is_told(driver, words, tmp_path):
+def test_a_wrong_baud_rate_is_reported(driver, words, tmp_path):
     with lidar_pair(driver, tmp_path / "l") as (lidar, emulator):
         # no byte as it was: half of them right would pass a checksum now and then
         emulator.faults.wrong, emulator.faults.garbage = 1.0, 0.5
@@ -136,7 +117,7 @@ def test_a_wrong_baud_rate_is_told(driver, words, tmp_path):
             lidar.connect(1.5)
 
 
-def test_nobody_there_is_told(tmp_path):
+def test_a_missing_lidar_is_reported(tmp_path):
     with lidar_pair("ld06", tmp_path / "l") as (lidar, emulator):
         emulator.faults.mute = True
         with pytest.raises(LinkError, match="no byte: is it powered"):
@@ -146,7 +127,7 @@ def test_nobody_there_is_told(tmp_path):
         open_lidar(options).connect(0.3)
 
 
-def test_an_rplidar_that_reports_an_error_is_told_and_restarted_once_it_is_well(tmp_path):
+def test_an_rplidar_that_reports_an_error_is_reported_and_restarted_once_it_is_well(tmp_path):
     with lidar_pair("rplidar", tmp_path / "l") as (lidar, emulator):
         emulator.health = (2, 0x8001)
         with pytest.raises(LinkError, match=r"reports an error \(code 32769\)"):
@@ -175,7 +156,7 @@ def test_an_rplidar_that_forgot_to_scan_is_started_again(tmp_path, monkeypatch):
         assert newer(lidar) and lidar.health().counters["starts"] == 2
 
 
-def test_a_serial_line_is_set_to_the_lidar_unless_told(monkeypatch):
+def test_a_serial_line_is_set_to_the_lidar_unless_given(monkeypatch):
     made = []
     monkeypatch.setattr(
         "firmware_bridge.link.TtyEndpoint", lambda *how: made.append(how) or TtyEndpoint(*how)
@@ -195,21 +176,3 @@ def test_a_serial_line_is_set_to_the_lidar_unless_told(monkeypatch):
     ]
     with pytest.raises(ConfigError, match="dtr"):
         lidar_transport(LidarOptions("rplidar", "serial:/dev/ttyUSB0?dtr=2"))
-
-
-def test_a_world_is_seen_from_its_scenario():
-    from kmpc_lite.scenario.files import Scenario
-
-    table = {
-        "map": {
-            "bounds": [-5, -5, 5, 5],
-            "circles": [[3.0, 0.0, 0.5]],
-            "polygons": [[[-1.0, -4.0], [1.0, -4.0], [0.0, -3.0]]],
-            "walls": [[-2.0, -1.0, -2.0, 1.0, 0.2]],
-        },
-        "robot": {"radius": 0.15, "start": [0, 0, 0], "goal": [1, 1, 0]},
-    }
-    world = world_of(Scenario.from_table(table, "seen", "seen"))
-    directions = np.array([0.0, math.pi, -math.pi / 2, math.pi / 2])
-    seen = world.ranges(np.zeros((4, 2)), directions)
-    assert seen == pytest.approx([2.5, 1.9, 3.0, math.inf])

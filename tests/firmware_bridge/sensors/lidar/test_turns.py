@@ -32,22 +32,6 @@ def test_a_turn_is_stamped_by_its_angles():
     assert turns.rate(10.3) == pytest.approx(5.0) and turns.rate(13.0) == 0.0
 
 
-def test_a_read_that_comes_late_does_not_stretch_a_turn():
-    turns, now = Turns(0.1, 12.0), 10.0
-    for _ in range(5):
-        now = spin(turns, now, 0.1)
-    now = spin(turns, now, 0.6)  # the machine stood still
-    end(turns, now)
-    assert np.ptp(turns.newest.stamps) < 0.16 and turns.newest.stamp <= now
-
-
-def test_the_first_turn_which_began_unseen_does_not_count():
-    turns = Turns(0.1, 12.0)
-    turns.add([0.01 * i for i in range(600)], [1.0] * 600, 4.9)
-    end(turns, 5.0)
-    assert turns.newest is None and turns.counters["broken_turns"] == 0
-
-
 @pytest.mark.parametrize(
     ("angles", "took"),
     [

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
-from kmpc_lab.sim.plants.steered import SteeredDrive
 from kmpc_lite.scenario.files import Scenario
 
 ROBOT = """[map]
@@ -52,11 +50,3 @@ def test_a_scenario_names_its_wheels_and_is_driven(tmp_path, wheels, expected):
 def test_other_wheels_are_refused_with_their_place(tmp_path, wheels):
     with pytest.raises(kl.ScenarioError, match=r"\[robot\] wheels"):
         scenario(tmp_path, wheels)
-
-
-def test_a_car_understeers_and_keeps_its_wheels_turned_while_it_stands():
-    car = SteeredDrive(kl.Car(0.5, steering_rate=2.0), understeer=1.0)
-    turned = [car.trace(np.zeros(3), (1.0, 2.0), 0.1, 1)[0, 2] for _ in range(20)]
-    assert turned[0] < 0.02 and turned[-1] == pytest.approx(0.1 * 2.0 / 2.0)
-    assert car.trace(np.zeros(3), (0.0, 0.0), 0.1, 1).tolist() == [[0.0, 0.0, 0.0]]
-    assert car.trace(np.zeros(3), (1.0, 2.0), 0.1, 1)[0, 2] == pytest.approx(turned[-1])

@@ -38,13 +38,6 @@ def test_fields_follow_from_the_seed_and_have_a_way_through(seed: int) -> None:
     assert world.length >= 10.0 - 0.1
 
 
-def test_the_walls_of_a_field_are_closed() -> None:
-    circles = draw_field(3).circles_at(0.0)
-    for wall in (-4.575, -0.15):
-        column = np.sort(circles[np.abs(circles[:, 0] - wall) < 0.08, 1])
-        assert np.diff(column).max() < 0.16 and column[0] < 0.1 and column[-1] > 9.0
-
-
 def test_a_public_world_is_read(tmp_path: Path) -> None:
     model = "<model name='unit_cylinder_{}'>\n<pose frame=''>{} {} 0 0 0 0</pose>"
     text = "".join(model.format(i, x, y) for i, (x, y) in enumerate([*YARD, (-1.5, 7.575)]))
@@ -102,14 +95,3 @@ def test_the_score_is_half_a_point_at_most(monkeypatch: pytest.MonkeyPatch) -> N
     lost = replace(row, arrived=False, score=0.0)
     assert summary([row, lost])["score"] == 0.25
     assert "exact, dwa, free: out of time" in format_rows([row, lost])
-
-
-def test_a_way_ahead_is_driven_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Corners of the lattice left no tangent ahead: the robot backed up, and backed through."""
-    monkeypatch.setattr(drivers, "model_of", lambda _: nominal_unicycle(drivers.JACKAL.dt))
-    world, given = draw_field(1), CONDITIONS["exact"]
-    loop = ClutterLoop(Ours(world, given), world, given, 1)
-    monkeypatch.setattr(drives, "LONGEST", 2.0)
-    loop.run()
-    assert min(command[0] for command in loop.commands) >= -0.05
-    assert loop.pose[1] > 5.0

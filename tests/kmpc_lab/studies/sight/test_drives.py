@@ -7,9 +7,7 @@ import pytest
 
 from kmpc_lab.sim.lidar import LidarSpec, box_edges
 from kmpc_lab.studies.any_robot import STANDARD
-from kmpc_lab.studies.sight.circles import sight_law
-from kmpc_lab.studies.sight.drives import SightDrive, SightLoop, _gears, drive
-from kmpc_lab.studies.sight.seen_cells import SeenCells
+from kmpc_lab.studies.sight.drives import SightDrive, SightLoop, drive
 from kmpc_lab.studies.sight.table import format_rows, summary
 from kmpc_lab.studies.sight.worlds import KINDS, Course, course_of
 from kmpc_lite.scenario.world import World
@@ -28,19 +26,6 @@ def test_worlds_follow_from_the_seed_and_the_robots_size(kind: str) -> None:
     assert first.world.clearance(ends, np.zeros(2)).min() > 0.15
 
 
-def test_what_no_beam_went_through_was_never_seen() -> None:
-    cells = SeenCells(4.0, 0.15)
-    directions = np.arange(360) * 2 * np.pi / 360 - np.pi
-    ranges = np.where(np.abs(directions) < 0.5, np.nan, 1.0)
-    pose = np.zeros(3)
-    cells.look(pose, ranges, directions, 4.0)
-    behind, ahead = np.array([[-0.5, 0.0]]), np.array([[0.5, 0.0]])
-    assert not cells.enters_unseen(behind, pose)
-    assert cells.enters_unseen(ahead, pose)
-    assert cells.enters_unseen(np.array([[-1.2, 0.0]]), pose)
-    assert not cells.enters_unseen(pose[None, :2], pose)
-
-
 @pytest.mark.parametrize("driver", ["ours", "pursuit"])
 def test_both_drivers_arrive_in_an_empty_room(driver: str) -> None:
     world = World(np.empty((0, 5)), box_edges(-1.5, -1.5, 1.5, 1.5))
@@ -54,36 +39,6 @@ def test_what_comes_into_view_makes_the_robot_turn_where_it_is() -> None:
     """Not drive back to where the path around it begins: it sees four of its radii."""
     row = drive("ours", "Husky-like", "maze", 2.0, 656000)
     assert row.arrived and not row.collided and row.gears <= 6
-
-
-@pytest.mark.parametrize(
-    ("door", "noise"),
-    [(0.36, 0.0), (0.36, 0.01), (0.40, 0.02), (0.50, 0.03)],
-)
-def test_a_door_that_the_robot_fits_through_is_driven(door: float, noise: float) -> None:
-    """However its sides lie in the cells of the map; what is told of walls passes the same."""
-    for middle in (0.0, 0.031, -0.017):
-        edges = [
-            box_edges(-0.05, middle + 0.5 * door, 0.05, 1.5),
-            box_edges(-0.05, -1.5, 0.05, middle - 0.5 * door),
-            box_edges(-2.0, -1.5, 2.0, 1.5),
-        ]
-        world = World(np.empty((0, 5)), np.concatenate(edges))
-        start, goal = np.array([-1.2, 0.4, 0.0]), np.array([1.2, -0.3, 0.0])
-        course = Course("door", world, start, goal, 4.0)
-        row = SightLoop("ours", STANDARD, course, LidarSpec(4.0, noise=noise), 0).run("door", 0)
-        assert row.arrived and not row.collided and row.unreachable == 0
-
-
-def test_a_gear_changes_where_the_robot_drives_back() -> None:
-    driven = np.array([0.1, 0.1, -0.01, 0.01, -0.01, 0.1, -0.05, -0.05, 0.2])
-    assert _gears(driven, 0.03) == 2
-
-
-def test_the_law_is_that_of_a_robot_that_stops_within_its_sight() -> None:
-    speed = sight_law(0.5, 9.0)
-    assert speed * 0.1 + speed**2 / 3.0 == pytest.approx(0.5)
-    assert sight_law(9.0, 0.6) == 0.6
 
 
 def test_the_table_compares_the_same_worlds() -> None:

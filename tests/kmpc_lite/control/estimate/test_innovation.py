@@ -83,20 +83,6 @@ def test_even_a_model_without_noise_gets_room_on_a_slipping_floor(known):
     assert wary.inflation < 2.0
 
 
-def test_a_robot_that_turns_less_than_it_is_told_widens_the_margins_at_once(model):
-    wary = of_noise(model)
-    lin, states, inputs = plan(model)
-    calm = wary.margins(lin, states, inputs, directions(20, 3))
-    for _ in range(4):
-        wary.observe(np.array([0.0, 0.0, -0.03]), 0.0, np.array([0.3, 0.75]))
-    assert wary.inflation > 2.0
-    assert (wary.margins(lin, states, inputs, directions(20, 3))[5:] > 1.5 * calm[5:]).all()
-    # a whole turn is no error
-    fresh = Wary(model, PROBLEM)
-    fresh.observe(np.array([0.0, 0.0, 2 * np.pi]), 0.0, np.array([0.3, 0.75]))
-    assert fresh.inflation == 1.0
-
-
 def test_standing_and_broken_poses_widen_nothing(model):
     wary = Wary(model, PROBLEM)
     wary.observe(np.array([0.1, 0.1, 0.0]), 0.0, np.zeros(2))
@@ -106,45 +92,6 @@ def test_standing_and_broken_poses_widen_nothing(model):
     assert wary.inflation == 1.0
     wary.observe(np.array([1e6, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
     assert wary.inflation < 10.0
-
-
-def test_update_takes_over_another_noise(model):
-    lin, states, inputs = plan(model)
-    wary, normals = of_noise(model), directions(20, 3)
-    before = wary.margins(lin, states, inputs, normals)
-    wary.update(replace(model, noise_model=NoiseModel(4.0 * model.noise_model.coefficients)))
-    after = wary.margins(lin, states, inputs, normals)
-    assert (after > 1.5 * before).all()
-
-
-@pytest.mark.parametrize(("inflation", "unknown"), [(2.99, False), (3.01, True)])
-def test_a_floor_is_unknown_where_its_noise_is_three_times_the_known(inflation, unknown):
-    wary = Wary(slipping(0.02), PROBLEM)
-    wary.drift.level = inflation**2 + 1.5
-    assert wary.inflation == pytest.approx(inflation)
-    assert wary.of.expected_errors.is_unknown_floor(wary.drift) is unknown
-
-
-def test_an_error_counts_as_twenty_times_the_expected_one_at_the_most():
-    wary = Wary(slipping(0.02), PROBLEM)
-    before = wary.drift.level
-    wary.observe(np.array([1e3, 0.0, 0.0]), 0.0, np.array([0.5, 0.0]))
-    assert wary.drift.level == pytest.approx(before + 0.2 * (20.0**2 - before))
-
-
-@pytest.mark.parametrize(
-    ("period", "larger", "smaller"),
-    [(0.02, 0.04, 0.02), (0.1, 0.2, 0.1), (0.2, 0.2, 0.1), (1.0, 0.2, 0.1)],
-)
-def test_errors_count_for_a_time_but_five_of_them_and_ten_at_the_least(
-    period: float, larger: float, smaller: float
-) -> None:
-    wary, u = Wary(nominal_unicycle(period), PROBLEM), np.array([0.5, 0.0])
-    wary.observe(np.array([1e3, 0.0, 0.0]), 0.0, u)
-    level = wary.drift.level
-    assert level == pytest.approx(1.0 + larger * (400.0 - 1.0))
-    wary.observe(np.zeros(3), 0.0, u)
-    assert wary.drift.level == pytest.approx((1.0 - smaller) * level)
 
 
 def test_what_was_felt_is_forgotten_while_the_robot_stands():

@@ -63,12 +63,3 @@ def test_a_controller_is_as_near_as_its_pose_is_sure():
     # a pose that jumps ends the estimate
     controller.step((0.6, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert controller.state.innovation.estimate is None
-
-
-def test_poses_without_noise_are_believed_as_they_are():
-    controller = kl.Controller(MODEL, kl.NavigationProblem())
-    x = np.array([-0.5, 0.1, 0.2])
-    for _ in range(10):
-        plan = controller.step(x, (1.5, 0.0, 0.0))
-        np.testing.assert_array_equal(plan.states[0], x)
-        x = DifferentialDrive().trace(x, plan.command, 0.1, 1)[-1]

@@ -14,7 +14,6 @@ from kmpc_lite.control.options import PoseOptions
 from kmpc_lite.types import Array
 
 GOAL = (1.8, 0.0, 0.0)
-SLIP_FADED = math.exp(-0.2 / 0.5)
 
 
 def jumps(commands: list[tuple[float, float]], ahead: float = 0.0, turned: float = 0.0) -> bool:
@@ -29,30 +28,6 @@ def jumps(commands: list[tuple[float, float]], ahead: float = 0.0, turned: float
     v, omega = commands[-1]
     pose = pose[0] + 0.1 * v + ahead, pose[1], pose[2] + 0.1 * omega + turned
     return controller.step(pose, GOAL, sent=(v, omega)).reason.startswith("the pose jumped")
-
-
-@pytest.mark.parametrize(
-    ("commands", "limit"),
-    [
-        ([(0.0, 0.0)], 0.05),
-        ([(0.5, 0.0)], 0.05 + 0.1 * 0.5),
-        ([(0.5, 0.0), (0.0, 0.0), (0.0, 0.0)], 0.05 + 0.1 * 0.5 * SLIP_FADED),
-    ],
-    ids=["at rest", "wheels that slide", "wheels that slid, half a second ago at the most"],
-)
-def test_a_third_of_a_radius_and_all_that_was_driven_is_no_jump(
-    commands: list[tuple[float, float]], limit: float
-) -> None:
-    assert not jumps(commands, 0.995 * limit) and jumps(commands, 1.005 * limit)
-
-
-@pytest.mark.parametrize(
-    ("commands", "limit"), [([(0.0, 0.0)], 0.1), ([(0.0, 0.5)], 0.1 + 2.5 * 0.1 * 0.5)]
-)
-def test_a_tenth_of_a_radian_and_two_and_a_half_times_the_turn_is_no_jump(
-    commands: list[tuple[float, float]], limit: float
-) -> None:
-    assert not jumps(commands, turned=0.99 * limit) and jumps(commands, turned=1.01 * limit)
 
 
 def test_a_pose_that_stays_is_believed_after_two_seconds() -> None:

@@ -65,10 +65,3 @@ def test_what_is_there_later_is_there_at_a_later_time(
     after = kernel.distances(kernel.later(things, ahead), points[:, :2], points[:, 2])
     now = kernel.distances(things, points[:, :2], points[:, 2] + ahead)
     np.testing.assert_allclose(after, now, atol=1e-9)
-
-
-def test_at_a_centre_the_direction_is_some_unit_vector() -> None:
-    thing = np.array([[1.0, 2.0, 0.3, 0.0, 0.0, 0.0, 0.0]])
-    found, ways = kernel.distances_and_directions(thing, thing[:, :2], np.zeros(1))
-    assert found[0, 0] == pytest.approx(-0.3)
-    assert np.hypot(*ways[0, 0]) == pytest.approx(1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kmpc_lite.control.kernels.reeds_shepp import TURNS, curves
-from kmpc_lite.control.kernels.twists import chained, moved, seen_from, straight_twist
+from kmpc_lite.control.kernels.twists import chained, seen_from
 
 RNG = np.random.default_rng(4)
 ENDS = np.column_stack([RNG.uniform(-6, 6, (300, 2)), RNG.uniform(-np.pi, np.pi, 300)])
@@ -46,12 +46,3 @@ def test_the_way_back_is_as_long_and_so_is_the_mirrored_one():
 )
 def test_known_lengths(end, length):
     assert lengths([end])[0] == pytest.approx(length)
-
-
-def test_nothing_is_shorter_than_the_straight_line():
-    assert (lengths(ENDS) >= np.hypot(*ENDS[:, :2].T) - 1e-9).all()
-
-
-def test_a_straight_twist_leads_to_its_end():
-    twists = straight_twist(ENDS)
-    np.testing.assert_allclose(moved(np.zeros(3), twists, np.ones(len(ENDS))), ENDS, atol=1e-9)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wary import covariances, of_noise
+from wary import of_noise
 
 import kmpc_lab
 import kmpc_lite as kl
@@ -126,31 +126,3 @@ def test_errors_that_last_spread_farther_than_white_ones_of_the_same_size() -> N
     ]
     np.testing.assert_allclose(spread[0][0], spread[1][0], rtol=1e-6)
     assert np.trace(spread[1][-1]) > 1.5 * np.trace(spread[0][-1])
-
-
-def test_the_same_robot_in_other_units_keeps_the_same_distances() -> None:
-    model = robot(0)
-    large = kl.NavigationProblem(
-        u_min=(-1.2, -1.0),
-        u_max=(1.2, 1.0),
-        x_min=(-8, -8, -np.inf),
-        x_max=(8, 8, np.inf),
-        robot_radius=0.6,
-    )
-    controller = kl.Controller(model, large)
-    scale = controller.scale
-    assert not scale.is_one
-    inner = controller.known.margins
-    assert inner is not None
-    lin, states, inputs = plan(model)
-    outer = of_noise(model).covariances(lin, states, inputs)
-    motion = controller.known.model
-    by_state, by_command = scale.state, scale.command
-    inside = covariances(
-        inner.calm,
-        motion.linearize(states[:-1] / by_state, inputs / by_command, None),
-        states / by_state,
-        inputs / by_command,
-    )
-    # the first stage has had no feedback, which fades in units; so is the floor of 0.1 mm
-    np.testing.assert_allclose(inside[0] * scale.length**2, outer[0], rtol=2e-3)

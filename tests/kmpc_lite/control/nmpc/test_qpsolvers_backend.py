@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import pickle
 from typing import Any
 
 import numpy as np
@@ -13,7 +11,7 @@ from scipy import sparse
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPSolver, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.qpsolvers_backend import QpsolversBackend
 
 SOLVERS = sorted(set(qpsolvers.available_solvers) - {"osqp"})
@@ -98,21 +96,3 @@ def test_a_budget_is_refused_where_the_solver_cannot_be_stopped() -> None:
         pytest.skip("daqp is not installed")
     with pytest.raises(kl.ProblemError, match="time_budget"):
         kl.Controller(kl.nominal_unicycle(0.1), solver="daqp", time_budget=0.05)
-
-
-@pytest.mark.parametrize("solver", ["osqp", *SOLVERS])
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
-def test_a_copy_solves_to_the_same_bit(solver: str, copied: Any) -> None:
-    P, A, data = random_qp(2)
-    made: QPSolver = (
-        QpsolversBackend(solver, P, A, 1e-6)
-        if solver != "osqp"
-        else (
-            OSQPWorkspace(P, data["q"], A, data["lower"], data["upper"], scaling=0, adaptive_rho=0)
-        )
-    )
-    made.solve(**{**data, "q": -3.0 * data["q"], "Px": 2.0 * P.data})
-    other = copied(made)
-    mine, theirs = made.solve(**data), other.solve(**data)
-    np.testing.assert_array_equal(mine.x, theirs.x)
-    np.testing.assert_array_equal(mine.y, theirs.y)

@@ -97,22 +97,6 @@ def test_converged_plan_is_a_kkt_point(
         assert found.violation < 1e-5
 
 
-def test_the_papers_discrete_fit_converges_too(learned_edmdc: kl.KoopmanModel) -> None:
-    _, found = converge(learned_edmdc, "past obstacles")
-    assert found.stationarity < 1e-4 and found.defect < 1e-4
-
-
-def test_one_real_time_pass_is_no_kkt_point(nominal: kl.KoopmanModel) -> None:
-    # the certificate can fail: a plan of the first, rough kind does not pass it
-    problem, x, goal, circles = CASES["held by an obstacle"]
-    controller = kl.Controller(nominal, problem, **PAPER)
-    plan = controller.step(x, goal, circles)
-    assert (
-        certify(driven(controller), problem, plan, goal_reference(x, goal), circles).stationarity
-        > 1e-3
-    )
-
-
 STARTS = (
     (-1.45, 0.94, 2.48),
     (1.31, 0.95, -2.98),
@@ -147,30 +131,6 @@ def test_cost_is_ipopts_or_less(
     assert problem.cost(ours.states, ours.inputs, reference) <= 1.001 * problem.cost(
         theirs.states, theirs.inputs, reference
     )
-
-
-@pytest.mark.parametrize("passes", [1, 2, 3, 7, 50])
-def test_never_more_passes_than_allowed(passes: int, nominal: kl.KoopmanModel) -> None:
-    controller = kl.Controller(nominal, **PAPER, sqp_iterations=passes, tolerance=1e-300)
-    x = np.array([0.0, 0.0, 0.0])
-    first = controller.step(x, GOAL, MAP)
-    # the real-time iteration may take a few passes while the model contradicts its plan
-    assert first.iterations <= max(passes, 10)
-    for _ in range(3):
-        x = nominal.predict(x, first.command)
-        plan = controller.step(x, GOAL, MAP)
-        assert 1 <= plan.iterations <= passes
-
-
-def test_passes_end_at_the_tolerance(nominal: kl.KoopmanModel) -> None:
-    x = CASES["free"][1]
-    few = (
-        kl.Controller(nominal, **PAPER, sqp_iterations=200, tolerance=1e-2).step(x, GOAL).iterations
-    )
-    many = (
-        kl.Controller(nominal, **PAPER, sqp_iterations=200, tolerance=1e-6).step(x, GOAL).iterations
-    )
-    assert few < many < 200
 
 
 def test_warm_passes_are_no_more_than_cold_ones(nominal: kl.KoopmanModel) -> None:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import copy
 import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
@@ -24,22 +22,6 @@ COPIES = [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
 PROBLEM = with_goal_weights(kl.NavigationProblem())
 GOAL = np.array([1.4, 1.1, 0.6])
 CIRCLES = things_of(np.array([[0.6, 0.5, 0.15, 0.0, 0.0], [1.0, 1.3, 0.1, 0.0, -0.05]]))
-
-
-@pytest.mark.parametrize("copied", COPIES)
-def test_a_copied_drift_state_goes_on_as_the_one_it_was_copied_from(
-    copied: Any, learned: kl.KoopmanModel
-) -> None:
-    errors, state = Margins(learned, PROBLEM).expected_errors, InnovationState()
-    random, other = np.random.default_rng(1), InnovationState()
-    for k in range(40):
-        seen = random.normal(size=3) * 0.01, float(random.normal()), random.uniform(-0.6, 0.6, 2)
-        errors.judge(state, *seen)
-        if k == 20:
-            other = copied(state)
-        elif k > 20:
-            errors.judge(other, *seen)
-    assert state == other and state is not other and state != InnovationState()
 
 
 def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins) -> Trajectory:
@@ -73,33 +55,3 @@ def test_a_solver_answers_the_same_whatever_it_solved_before_and_so_does_its_cop
         for mine, theirs in ((answer.states, first.states), (answer.inputs, first.inputs)):
             np.testing.assert_array_equal(mine, theirs)
         np.testing.assert_array_equal(answer.duals, first.duals)
-
-
-def test_margins_of_a_state_do_not_depend_on_the_states_asked_for_before(
-    learned: kl.KoopmanModel,
-) -> None:
-    margins, calm, alarmed = (
-        Margins(learned, PROBLEM),
-        InnovationState(),
-        InnovationState(level=30.0),
-    )
-    inputs = np.tile((0.5, 0.2), (20, 1))
-    states = learned.rollout(np.zeros(3), inputs)
-    plan = learned.linearize(states[:-1], inputs), states, inputs, np.tile((0.0, 1.0), (20, 2, 1))
-    before = margins.of_plan(margins.felt(calm), *plan).copy()
-    wider = margins.of_plan(margins.felt(alarmed), *plan)
-    assert (wider >= before).all() and (wider > before)[5:].all()
-    assert margins.felt(alarmed).widest > margins.felt(calm).widest
-    np.testing.assert_array_equal(margins.of_plan(margins.felt(calm), *plan), before)
-
-
-def test_a_model_that_expects_more_noise_finds_less_of_it_unexpected(
-    learned: kl.KoopmanModel,
-) -> None:
-    noise = learned.noise_model
-    assert noise is not None
-    louder = replace(learned, noise_model=replace(noise, coefficients=9.0 * noise.coefficients))
-    state = InnovationState(level=40.0, ahead=0.1, drifting=True)
-    after = Margins(louder, PROBLEM).expected_errors
-    after.carry_over(state, Margins(learned, PROBLEM).expected_errors)
-    assert 1.0 <= state.level < 40.0 and not state.drifting and not state.ahead

@@ -12,7 +12,6 @@ from kmpc_lite.control.options import (
     GoalOptions,
     GuidanceOptions,
     MovingObstacleOptions,
-    SightOptions,
     lengths_from_radii,
 )
 
@@ -23,15 +22,9 @@ GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
     ("group", "name", "value", "words"),
     [
         (GuidanceOptions, "wide_clearance", -0.1, r"a number >= 0 \[radii\], got -0.1"),
-        (GuidanceOptions, "stall_time", float("nan"), r"a number >= 0 \[s\], got nan"),
         (GuidanceOptions, "stall_time", "long", r"got 'long'"),
-        (GuidanceOptions, "hurried_parts", 0, "a whole number >= 1, got 0"),
-        (GuidanceOptions, "hurried_parts", 2.0, "a whole number >= 1, got 2.0"),
         (GuidanceOptions, "turn_share", True, "got True"),
-        (GuidanceOptions, "hurried_parts", 0, "a whole number >= 1, got 0"),
-        (SightOptions, "passes", 128, "a whole number from 1 to 127, got 128"),
         (GoalOptions, "averaging_time", None, "got None"),
-        (MovingObstacleOptions, "speed_scales", (), "a tuple of finite numbers"),
         (MovingObstacleOptions, "speed_scales", (1.0, float("inf")), "a tuple of finite numbers"),
     ],
 )
@@ -44,18 +37,6 @@ def test_what_is_no_such_number_is_refused_in_one_line(
         group(**{name: value})
     refused.match(words)
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("group", "name"),
-    [
-        (GuidanceOptions, "turn_share"),
-        (SightOptions, "cell"),
-    ],
-)
-def test_what_something_is_divided_by_is_not_zero(group: Any, name: str) -> None:
-    with pytest.raises(kl.ProblemError, match=rf"{name}: expected a number > 0 .*, got 0.0$"):
-        group(**{name: 0.0})
 
 
 @pytest.mark.parametrize("group", GROUPS)

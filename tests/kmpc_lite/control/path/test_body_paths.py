@@ -42,12 +42,6 @@ def test_a_door_that_its_circle_does_not_pass() -> None:
     assert path is None and why == "no passage to the goal is wide enough"
 
 
-def test_wide_ways_are_taken_before_narrow_ones() -> None:
-    walls = [kl.Wall(0, -1.0, 0, -0.3, 0.1), kl.Wall(0, 0.3, 0, 3, 0.1)]
-    path, _ = path_of((-1.5, 0.6, 0.0), (1.5, 0.6, 0.0), walls)
-    assert path is not None and path.points[:, 1].min() < -1.4
-
-
 CORRIDOR = [kl.Wall(-2.8, 0.3, 0.2, 0.3, 0.1), kl.Wall(-2.8, -0.3, 0.2, -0.3, 0.1)]
 
 

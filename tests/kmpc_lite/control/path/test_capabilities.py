@@ -42,16 +42,6 @@ def test_a_robot_that_obeys_is_timed_at_the_bounds(nominal: kl.KoopmanModel) -> 
     np.testing.assert_array_equal(drivable_speeds(fitted(1.0, 0.2), PROBLEM), [0.6, 0.6, np.pi / 4])
 
 
-def test_a_robot_that_turns_less_is_timed_at_what_it_turns() -> None:
-    ahead, back, turn = drivable_speeds(fitted(0.37), PROBLEM)
-    assert (ahead, back) == (0.6, 0.6)
-    assert turn == pytest.approx(1.05 * 0.37 * np.pi / 4, rel=0.03)
-
-
-def test_a_robot_that_lags_is_timed_at_what_it_reaches(lagging: kl.KoopmanModel) -> None:
-    np.testing.assert_allclose(drivable_speeds(lagging, PROBLEM), [0.6, 0.6, np.pi / 4], rtol=1e-3)
-
-
 def test_the_slower_gear_is_for_ways_in_reverse_alone() -> None:
     nothing = np.empty((0, 5))
 

@@ -175,7 +175,7 @@ def until_held(
     return most, plan, float(np.hypot(*(x - goal)[:2]))
 
 
-def test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_times() -> None:
+def test_a_robot_stalled_four_times_is_content_with_twice_and_later_with_five_times() -> None:
     factors = [
         content_with(QUIET, stalls).leave_distance / QUIET.leave_distance for stalls in range(10)
     ]
@@ -186,7 +186,7 @@ def test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_ti
     assert wide.enter_angle < wide.leave_angle < wide.pushed_angle
 
 
-def test_what_cannot_be_reached_more_closely_is_held_and_told() -> None:
+def test_what_cannot_be_reached_more_closely_is_held_and_reported() -> None:
     """A robot whose poses are noisier than its model knows, and that lags, comes to an end."""
     problem = kl.NavigationProblem(**AREA, du_max=(1.0, 4.0))
     noise, because = (0.015, 0.015, 0.03), "does not get nearer"

@@ -83,7 +83,7 @@ def carried(aside: float) -> bool:
     return guide.reference(START + (0.25, aside, 0.0), GOAL, NO_CIRCLES).refreshed
 
 
-def test_who_is_carried_by_half_a_metre_gets_another_path_at_once() -> None:
+def test_a_robot_carried_by_half_a_metre_gets_another_path_at_once() -> None:
     assert carried(0.505) and not carried(0.495)
 
 
@@ -103,7 +103,7 @@ def test_an_obstacle_may_be_a_centimetre_larger_than_it_was(by: float, refreshed
     assert found.refreshed is refreshed
 
 
-def test_a_velocity_that_is_told_with_noise_is_no_other_map() -> None:
+def test_a_velocity_given_with_noise_is_no_other_map() -> None:
     guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.9, 0.2, 0.0, 0.1]])
     guide.reference(START, GOAL, circles)
     for k in range(1, 6):
@@ -115,7 +115,7 @@ def test_a_velocity_that_is_told_with_noise_is_no_other_map() -> None:
 @pytest.mark.parametrize(
     ("ahead", "speed", "looks"), [(0.2, 0.25, False), (0.2, 0.23, True), (0.35, 0.25, True)]
 )
-def test_near_the_goal_who_is_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path(
+def test_near_the_goal_a_robot_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path(
     ahead: float, speed: float, looks: bool
 ) -> None:
     guide, beside = GuideInUse(PROBLEM), np.array([GOAL[0] - ahead, 0.06, 0.0])

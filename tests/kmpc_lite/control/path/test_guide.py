@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from guide_scenes import DT, KEEP, NO_CIRCLES, OPTIONS, PROBLEM, circles, pose, ring
+from guide_scenes import DT, NO_CIRCLES, PROBLEM, circles, pose
 from guided import GuideInUse
 
 from kmpc_lab.sim.maps.families import random_map
-from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.kernels.following import locate
-from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
-from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.path.planner import Path
-from kmpc_lite.control.path.state import GuideState
 from kmpc_lite.control.path.timed_path import TimedPath
 
 # -- the reference itself
@@ -59,49 +55,7 @@ def test_the_reference_never_asks_for_more_than_the_bounds() -> None:
         assert step[:, 2].max() <= DT * u_max[1] * (1 + 1e-9)
 
 
-def test_the_reference_keeps_clear_of_the_inflated_circle() -> None:
-    scene = circles((0, 0.02, 0.3))
-    guide, x = GuideInUse(PROBLEM), pose(-1.2, 0, 0)
-    for _ in range(80):
-        states = guide.reference(x, pose(1.2, 0, 0), scene).states
-        assert (np.hypot(states[:, 0], states[:, 1] - 0.02) - 0.3 >= KEEP - 0.003).all()
-        # a robot that is always where it was told to be
-        x = states[1].copy()
-    assert np.hypot(*(x - pose(1.2, 0, 0))[:2]) < 0.02
-
-
-def test_the_path_ends_in_the_goals_pose_and_the_robot_holds_there() -> None:
-    guide, x, goal = GuideInUse(PROBLEM), pose(-0.7, 0.3, 2.0), pose(0.5, 0.4, -1.0)
-    for _ in range(150):
-        guidance = guide.reference(x, goal, NO_CIRCLES)
-        x = guidance.states[1].copy()
-    assert guidance.hold and np.hypot(*(x - goal)[:2]) < 0.015
-    assert abs((x[2] - goal[2] + np.pi) % (2 * np.pi) - np.pi) < 0.03
-
-
 # -- no way
-
-
-def test_a_goal_in_a_closed_ring_is_not_reachable_and_the_robot_waits() -> None:
-    guidance = GuideInUse(PROBLEM).reference(pose(-1.5, -1.5, 0.3), pose(0, 0, 1), ring(0.7))
-    assert not guidance.reachable and not guidance.hold and guidance.time_left == np.inf
-    assert np.allclose(guidance.states, pose(-1.5, -1.5, 0.3))
-
-
-def test_a_goal_inside_an_obstacle_is_not_reachable() -> None:
-    guide = GuideInUse(PROBLEM)
-    assert not guide.reference(pose(-1.5, 0, 0), pose(0, 0, 0), circles((0.1, 0, 0.3))).reachable
-    # within the clearance, but not touching: it can be had
-    assert guide.reference(pose(-1.5, 0, 0), pose(0, 0, 0), circles((0.5, 0, 0.3))).reachable
-
-
-def test_a_narrow_passage_is_taken_where_there_is_no_other() -> None:
-    # 10 cm beyond the radii on either side
-    spots = np.concatenate([np.arange(0.25 + 0.15, 2.3, 0.25), -np.arange(0.25 + 0.15, 2.3, 0.25)])
-    wall = circles(*((0.0, y, 0.15) for y in spots))
-    guidance = GuideInUse(PROBLEM).reference(pose(-1, 1, 0), pose(1, 1, 0), wall)
-    assert guidance.reachable
-    assert abs(guidance.path[np.abs(guidance.path[:, 0]).argmin(), 1]) < 0.05
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 40])
@@ -119,18 +73,6 @@ def test_any_number_of_circles_and_any_pose_gives_finite_states(count: int) -> N
         assert (
             guidance.states.shape == (PROBLEM.horizon + 1, 3) and np.isfinite(guidance.states).all()
         )
-
-
-def test_start_at_the_goal_and_on_a_centre() -> None:
-    guide = GuideInUse(PROBLEM)
-    assert guide.reference(pose(0, 0, 0), pose(0, 0, 0), NO_CIRCLES).hold
-    assert np.isfinite(
-        guide.reference(pose(1, 1, 0), pose(0, 0, 0), circles((1, 1, 0.3))).states
-    ).all()
-    guide.state = GuideState()
-    turn = guide.reference(pose(0, 0, 0), pose(0, 0, 3.0), NO_CIRCLES)
-    assert not turn.hold and np.allclose(turn.states[:, :2], 0.0)
-    assert (np.diff(turn.states[:, 2]) > 0).all()
 
 
 # -- its paths
@@ -160,29 +102,3 @@ def test_a_robot_that_stands_before_an_obstacle_turns_on_the_spot_on_every_new_p
         near = np.hypot(*(guidance.states[:6] - x)[:, :2].T).max() < 0.1
         turned.append(near and guidance.states[5, 2] - guidance.states[0, 2] > 0.3)
     assert refreshed > 1 and any(turned)
-
-
-def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
-    # to stand 30 cm before it, or to back up before it, would be clear for the next seconds
-    slow = things_of(np.array([[0.0, 1.1, 0.2, 0.0, -0.15]]))
-    times = np.arange(0.0, 12.01, 0.1)
-    table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), PROBLEM.robot_radius))
-    _, states = MovingObstacles(slow, KEEP, np.array([0.5, 0.7]), table).evasive_arc(
-        pose(0.0, 0.0, np.pi / 2), -1, times
-    )
-    gaps = np.hypot(states[:, 0], states[:, 1] - (1.1 - 0.15 * times)) - 0.2 - KEEP
-    assert gaps.min() > 0.1
-
-
-def test_a_way_tells_how_much_room_it_keeps() -> None:
-    guide, goal = GuideInUse(PROBLEM), pose(1.5, 0, 0)
-    wall = np.array(
-        [
-            [0.0, side * y, 0.2, 0.0, 0.0]
-            for side in (1, -1)
-            for y in np.arange(0.2 + KEEP + 0.04, 2.6, 0.3)
-        ]
-    )
-    for scene, clearance in ((wall, OPTIONS.narrow_clearance), (wall[:3], OPTIONS.wide_clearance)):
-        guidance = guide.reference(pose(-1.5, 0, 0), goal, scene)
-        assert guidance.reachable and guidance.path_clearance == clearance

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from guide_scenes import KEEP, NO_CIRCLES, OPTIONS, PROBLEM, circles, pose
+from guide_scenes import KEEP, NO_CIRCLES, PROBLEM, circles, pose
 from guided import GuideInUse
-
-from kmpc_lite.control.path.state import GuideState
 
 
 def test_a_way_is_kept_while_nothing_changes() -> None:
@@ -53,33 +51,3 @@ def test_the_side_does_not_flicker_when_both_are_as_good() -> None:
         guidance = guide.reference(pose(-1.5, 0.01 * random.normal(), 0), pose(1.5, 0, 0), scene)
         sides.append(np.sign(guidance.path[np.abs(guidance.path[:, 0]).argmin(), 1]))
     assert len(set(sides)) == 1
-
-
-def test_a_way_that_is_much_quicker_is_taken() -> None:
-    guide, x, goal = GuideInUse(PROBLEM), pose(-1.5, 0, 0), pose(1.5, 0, 0)
-    wall = [(0.0, 0.2 * i, 0.12) for i in range(-3, 9)]
-    first = guide.reference(x, goal, circles(*wall, (0.0, -1.0, 0.4), (0.0, -1.6, 0.4)))
-    # the way below was closed; now it is open, and the one above still is as well
-    assert first.path[:, 1].max() > 1.0
-    opened = guide.reference(x, goal, circles(*wall))
-    assert opened.switched and opened.path[:, 1].min() < -0.5
-    assert first.time_left - opened.time_left > OPTIONS.switch_time
-
-
-def test_a_way_that_is_blocked_is_left() -> None:
-    guide, x, goal = GuideInUse(PROBLEM), pose(-1.5, 0.1, 0), pose(1.5, 0.1, 0)
-    first = guide.reference(x, goal, circles((0, 0, 0.3)))
-    assert first.path[:, 1].max() > 0.4
-    blocked = guide.reference(
-        x, goal, circles((0, 0, 0.3), (0, 0.6, 0.3), (0, 1.2, 0.3), (0, 1.8, 0.3))
-    )
-    assert blocked.switched and blocked.path[:, 1].min() < -0.4
-
-
-def test_two_guides_that_see_the_same_say_the_same() -> None:
-    scene = circles((0, 0, 0.3), (0.7, 0.6, 0.2))
-    used, fresh = GuideInUse(PROBLEM), GuideInUse(PROBLEM)
-    used.reference(pose(1, 1, 1), pose(-1, -1, 0), scene)
-    used.state = GuideState()
-    a, b = (guide.reference(pose(-1.5, 0, 0), pose(1.5, 0, 0), scene) for guide in (used, fresh))
-    assert np.array_equal(a.states, b.states)

@@ -13,7 +13,6 @@ from kmpc_lite.control.path.guide import Guide
 from kmpc_lite.control.path.situation import GuideTask
 
 START, GOAL, LATE = np.array([0.0, 0.0, 0.3]), (3.0, 1.0, 0.0), 4
-WALKER = [kl.Circle(1.0, 1.5, 0.2, 0.1, -0.2)]
 
 
 @pytest.fixture
@@ -70,16 +69,3 @@ def test_its_reference_begins_with_what_nothing_changes_any_more(
     states = given[-1].states * kl.NavigationProblem().scale.state
     np.testing.assert_allclose(states[:LATE], led[:-1], atol=1e-9)
     np.testing.assert_array_equal(given[-1].states[LATE:], asked[-1][2].states[:-LATE])
-
-
-def test_who_moves_has_moved_by_then(asked: list[tuple[Any, ...]]) -> None:
-    scale = kl.NavigationProblem().scale
-    drive(lagging(), 3, WALKER)
-    _, circles, _ = asked[-1]
-    later = np.array([*WALKER[0]]) + (LATE * 0.1 * 0.1, LATE * 0.1 * -0.2, 0.0, 0.0, 0.0)
-    np.testing.assert_allclose(circles[:, :5] * scale.circle, later[None], atol=1e-9)
-
-
-def test_a_robot_that_obeys_at_once_is_led_from_where_it_is(asked: list[tuple[Any, ...]]) -> None:
-    pose, _ = drive(kl.nominal_unicycle(0.1), 5)
-    np.testing.assert_allclose(asked[-1][0] * kl.NavigationProblem().scale.state, pose, atol=1e-9)

@@ -25,39 +25,7 @@ def test_a_robot_at_the_edge_of_its_area_makes_no_room_beyond_it() -> None:
     assert poses[:, 0].max() <= 2.001
 
 
-def test_who_was_seen_to_move_is_given_more_room_the_later_he_comes() -> None:
-    pose = np.array([0.0, 0.0, 0.0])
-    passing = np.array([[2.0, 0.6, 0.25, -0.6, 0.0]])
-    told = MovingObstacles(things_of(passing), 0.15, SPEED, TABLE)
-    seen = MovingObstacles(things_of(passing, 0.3, 0.15), 0.15, SPEED, TABLE)
-    assert told.spares(pose)
-    assert not seen.spares(pose)
-
-
-@pytest.mark.parametrize(("beyond", "last"), [(0.0009, False), (0.0011, True)])
-def test_an_evasive_arc_may_lead_out_of_the_area_by_a_millimetre(beyond: float, last: bool) -> None:
-    coming = np.array([[-1.0, 0.0, 0.25, 0.1, 0.0]])
-    # the arc of one second at half the speed, straight ahead, ends at 0.3 m
-    number = TABLE.arcs.tolist().index([0.5, 0.0, 1.0])
-    area = np.array([[-2.0, -2.0], [0.3 - beyond, 2.0]])
-    found = MovingObstacles(things_of(coming), 0.15, SPEED, TABLE, area=area)
-    clearance = found._clearance_on_arcs(np.zeros(3), TABLE.times)
-    assert bool(clearance[number] < clearance[0]) is last
-
-
-@pytest.mark.parametrize(("promised", "kept"), [(0.0299, True), (0.0301, False)])
-def test_an_arc_is_left_for_one_with_three_centimetres_more_clearance(
-    promised: float, kept: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clearance = np.full(len(TABLE.arcs), -1.0)
-    clearance[[2, 5]] = 0.0, promised
-    monkeypatch.setattr(MovingObstacles, "_clearance_on_arcs", lambda *rest: clearance.copy())
-    found = MovingObstacles(np.array([[1.0, 0.0, 0.2, -0.5, 0.0]]), 0.15, SPEED, TABLE)
-    number, _ = found.evasive_arc(np.zeros(3), 2, TIMES)
-    assert number == (2 if kept else 5)
-
-
-def test_who_does_not_pass_is_kept_away_from_by_how_far_he_comes() -> None:
+def test_an_obstacle_that_does_not_pass_is_kept_away_from_by_how_far_it_comes() -> None:
     pose = np.array([-1.0, 0.0, 0.0])
     creeping = np.array([[0.0, 0.0, 0.25, 0.0, 0.05], [0.0, 1.0, 0.2, 0.0, 0.0]])
     found = MovingObstacles(creeping, 0.15, SPEED, TABLE)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.peers.paper import AREA
 from kmpc_lite.types import Array
 
 MODEL, GOAL = kl.nominal_unicycle(0.1), (1.0, 0.6, 0.0)
@@ -69,19 +68,6 @@ def test_a_robot_drives_the_path_of_a_planner_of_its_users(radius: float) -> Non
     np.testing.assert_allclose(request.outline, [[0.0, 0.0, radius]])
 
 
-def test_gears_are_those_of_the_pieces() -> None:
-    back = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0, 0], [0.5, 0, 1.0], [0.5, 0, 1.0]])
-    assert kl.Path(back.astype(float)).gears.tolist() == [1, -1, 0, 0]
-
-
-def test_a_path_may_change_its_gear() -> None:
-    poses = np.array([[0, 0, 0], [1.5, 0.6, 0.0], [1.0, 0.6, 0.0]])
-    poses[1, 2] = poses[0, 2] = np.arctan2(0.6, 1.5)
-    way = np.array([[0, 0, 0], poses[0], poses[1], [1.5, 0.6, 0.0], [1.0, 0.6, 0.0]])
-    places, holds = drive(kl.Controller(MODEL, kl.NavigationProblem(**AREA), planner=Fixed(way)))
-    assert holds and places[:, 0].max() > 1.35
-
-
 def test_a_copy_searches_again_what_it_has_not_searched_itself() -> None:
     planner = Fixed(ending(GOAL), work=150)
     controller = kl.Controller(MODEL, planner=planner)
@@ -98,15 +84,3 @@ def test_a_copy_searches_again_what_it_has_not_searched_itself() -> None:
     controller.state = before
     for plan in expected:
         np.testing.assert_array_equal(controller.step(pose, GOAL).inputs, plan.inputs)
-
-
-def test_a_path_begins_elsewhere_where_its_first_line_is_long_enough() -> None:
-    poses = np.array([[0.0, 0.0, 0.2], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.1, 0.05, 0.5]])
-    path, line = kl.Path(poses), np.arctan2(-0.3, 0.8)
-    begun = path.begun_at(np.array([0.2, 0.3]))
-    np.testing.assert_allclose(begun.poses[:, :2], [(0.2, 0.3), (0.2, 0.3), (1, 0), (1.1, 0.05)])
-    assert begun.poses[:, 2] == pytest.approx([0.2, line, line, 0.5])
-    assert path.begun_at(poses[0, :2]) is path
-    assert path.begun_at(np.array([-0.8, 1.0])) is path, "the first line is not twice as long"
-    arc = kl.Path(poses + np.array([0.0, 0.0, 0.1]) * np.array([[0], [0], [1], [2]]))
-    assert arc.begun_at(np.array([0.2, 0.3])) is arc

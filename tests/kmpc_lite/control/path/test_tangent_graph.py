@@ -9,8 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from kmpc_lab.sim.maps.families import has_passage
-from kmpc_lite.control.path.cuts import cut_circles
-from kmpc_lite.control.path.tangent_graph import ARC_STEP, CUT_DEPTH, GeometricPath, arc_step
+from kmpc_lite.control.path.tangent_graph import ARC_STEP, CUT_DEPTH, GeometricPath
 from kmpc_lite.geometry import wrap
 
 AREA = np.array([-2.0, -2.0, 2.0, 2.0])
@@ -126,21 +125,6 @@ def test_there_is_a_way_exactly_where_there_is_a_passage(seed: int) -> None:
         assert way is None
 
 
-def test_maps_with_and_without_a_passage_were_both_looked_at() -> None:
-    there = [
-        quickest(*scattered(1000 + seed, least=12, most=26, span=2.0)) is not None
-        for seed in range(24)
-    ]
-    assert 3 <= sum(there) <= 21
-
-
-def test_nothing_in_the_way_is_a_straight_line() -> None:
-    start, goal = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    way = quickest(np.empty((0, 2)), np.empty(0), start, goal)
-    assert way is not None and way.time == pytest.approx(2.0 / 0.6) and not way.reverse
-    assert np.allclose(way.points[:, 1], 0.0)
-
-
 def test_a_robot_that_looks_away_drives_backwards_unless_it_cannot() -> None:
     start, goal = np.array([-1.0, 0.0, np.pi]), np.array([1.0, 0.0, np.pi])
     assert (way := quickest(np.empty((0, 2)), np.empty(0), start, goal)) is not None and way.reverse
@@ -168,38 +152,6 @@ def test_a_mirrored_map_has_the_mirrored_way() -> None:
     assert np.allclose(wrap(mirrored.headings + way.headings), 0.0, atol=1e-9)
 
 
-def test_far_circles_change_nothing() -> None:
-    start, goal = np.array([-1.0, 0.0, 0.4]), np.array([1.0, 0.0, -0.2])
-    one = quickest(np.array([[0.0, 0.1]]), np.array([0.3]), start, goal)
-    more = quickest(
-        np.array([[0.0, 0.1], [0.0, -1.8], [1.7, 1.7]]), np.array([0.3, 0.2, 0.2]), start, goal
-    )
-    assert one is not None and more is not None and np.array_equal(one.points, more.points)
-
-
-def test_cut_circles_are_those_that_a_line_comes_near() -> None:
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    centres = np.array([[0.5, 0.1], [0.5, 0.3], [1.1, 0.5], [2.0, 2.0]])
-    assert cut_circles(points, centres, np.full(4, 0.2), 2e-3).tolist() == [
-        True,
-        False,
-        True,
-        False,
-    ]
-
-
-def test_a_wall_with_a_gap_is_passed_through_the_gap() -> None:
-    spots = np.arange(-2.2, 2.3, 0.2)
-    centres = np.column_stack([np.zeros_like(spots), spots])
-    radii = np.full(len(spots), 0.25)
-    assert quickest(centres, radii) is None
-    gap = np.abs(spots - 1.0) > 0.5
-    way = quickest(centres[gap], radii[gap])
-    assert way is not None
-    crossing = dense(way.points)
-    assert np.abs(crossing[np.abs(crossing[:, 0]).argmin(), 1] - 1.0) < 0.3
-
-
 @pytest.mark.parametrize("radius", [0.3, 0.72, 50.0])
 def test_a_path_around_a_large_circle_is_found_at_once(radius: float) -> None:
     """Chords of a fixed turn would cut a large circle deeper than is allowed."""
@@ -212,8 +164,3 @@ def test_a_path_around_a_large_circle_is_found_at_once(radius: float) -> None:
     assert depth <= CUT_DEPTH
     step = np.abs(np.diff(path.headings)).max()
     assert step <= ARC_STEP + 1e-9
-
-
-def test_small_circles_keep_their_arcs() -> None:
-    assert arc_step(0.7) == ARC_STEP
-    assert arc_step(0.72) < ARC_STEP

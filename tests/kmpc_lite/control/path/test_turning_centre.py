@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from guided import GuideInUse
@@ -12,7 +10,6 @@ from hypothesis import strategies as st
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.control.path.capabilities import capabilities, drivable_speeds
 from kmpc_lite.control.path.turning_centre import CENTRE_DISTANCE, seen_from, turning_centre
 
@@ -47,26 +44,11 @@ def test_the_point_is_read_out_of_a_model(ahead: float, left: float) -> None:
         np.testing.assert_allclose(found, (ahead, left), atol=1e-4)
 
 
-def test_on_a_floor_that_slips_it_is_known_to_a_millimetre(offset_model: kl.KoopmanModel) -> None:
-    np.testing.assert_allclose(turning_centre(offset_model, PROBLEM), POINT, atol=2.5e-3)
-
-
-def test_motors_that_lag_and_noisy_poses_do_not_hide_it() -> None:
-    plant = LaggingDrive(0.1, 0.05, 0.05, seed=3, turning_point=POINT)
-    dictionary = kl.InputHistoryDictionary(kl.HermiteTrigDictionary(order=0), lags=(0, 1, 2, 3))
-    model = kl.fit(drive_log(plant, 60, 200, seed=4, pose_noise=(0.005, 0.005, 0.02)), dictionary)
-    np.testing.assert_allclose(turning_centre(model, PROBLEM), POINT, atol=5e-3)
-
-
 @pytest.mark.parametrize("name", ["nominal", "learned", "learned_edmdc", "lagging"])
 def test_a_robot_that_turns_about_its_pose_has_none(
     models: dict[str, kl.KoopmanModel], name: str
 ) -> None:
     assert turning_centre(models[name], PROBLEM) is None
-
-
-def test_a_robot_that_cannot_turn_has_none(nominal: kl.KoopmanModel) -> None:
-    assert turning_centre(replace(nominal, H=np.zeros_like(nominal.H)), PROBLEM) is None
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -79,16 +61,6 @@ def test_guidance_drives_the_turning_point_to_where_it_is_at_the_goal(seed: int)
     expected = plain.reference(seen_from(start, offset), seen_from(end, offset), NO_CIRCLES)
     assert found.time_left == pytest.approx(expected.time_left)
     np.testing.assert_allclose(seen_from(found.states, offset), expected.states, atol=1e-9)
-
-
-def test_no_point_is_no_work() -> None:
-    guide, plain = GuideInUse(PROBLEM), GuideInUse(PROBLEM)
-    guide.turn_about(None)
-    x, goal = np.array([-1.0, 0.2, 3.0]), np.array([1.0, 0.0, -3.0])
-    assert (
-        guide.reference(x, goal, NO_CIRCLES).states.tobytes()
-        == plain.reference(x, goal, NO_CIRCLES).states.tobytes()
-    )
 
 
 def test_a_point_that_is_learned_anew_keeps_the_way() -> None:
@@ -128,12 +100,3 @@ def test_a_floor_that_changes_does_not_move_it(offset_model: kl.KoopmanModel) ->
     guide.drive_at(*drivable_speeds(adaptation.model, PROBLEM))
     second = guide.reference(x, goal, NO_CIRCLES)
     assert first.refreshed and not second.refreshed
-
-
-def test_a_goal_in_an_obstacle_is_out_of_reach_wherever_the_robot_turns() -> None:
-    guide, goal = GuideInUse(PROBLEM), np.array([1.0, 0.0, 0.0])
-    guide.turn_about(np.array([-0.05, 0.0]))
-    apart = 0.2 + PROBLEM.robot_radius + PROBLEM.margin
-    beside = np.array([[1.0 + apart + more, 0.0, 0.2, 0.0, 0.0] for more in (-0.02, 0.01)])
-    assert not guide.reference(np.array([-1.0, 0.0, 0.0]), goal, beside[:1]).reachable
-    assert guide.reference(np.array([-1.0, 0.0, 0.0]), goal, beside[1:]).reachable

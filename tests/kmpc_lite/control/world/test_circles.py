@@ -22,18 +22,6 @@ def test_circles_must_be_finite(values: tuple[float, ...]) -> None:
         Circle(*values)
 
 
-def test_a_negative_radius_is_refused_with_the_place() -> None:
-    with pytest.raises(ProblemError, match=r"\(1, 2\).*-0\.5"):
-        Circle(1.0, 2.0, -0.5)
-    assert Circle(1.0, 2.0, 0.0).radius == 0.0
-
-
-def test_circles_are_plain_floats_and_equal_by_value() -> None:
-    assert Circle(1, 2, 3) == Circle(1.0, 2.0, 3.0, 0.0, 0.0)
-    assert all(type(v) is float for v in Circle(np.float32(1), 2, 3))
-    assert hash(Circle(1, 2, 3)) == hash(Circle(1.0, 2.0, 3.0))
-
-
 @pytest.mark.parametrize(
     "given_as",
     [
@@ -47,14 +35,6 @@ def test_rows_of_any_kind_become_one_array(given_as: Any) -> None:
     array = circles_to_array(given_as)
     np.testing.assert_array_equal(array, [[1, 2, 3, 4, 5]])
     assert array.dtype == float
-
-
-def test_rows_without_velocity_stand_still() -> None:
-    np.testing.assert_array_equal(
-        circles_to_array([[1, 2, 3], [4, 5, 6]]), [[1, 2, 3, 0, 0], [4, 5, 6, 0, 0]]
-    )
-    for nothing in ((), [], np.empty((0, 3)), np.empty((0, 5))):
-        assert circles_to_array(nothing).shape == (0, 5)
 
 
 @pytest.mark.parametrize(

@@ -90,13 +90,9 @@ def samples(solid: Solid) -> np.ndarray[Any, Any]:
     ("vertices", "words"),
     [
         ([(0, 0), (1, 0)], "at least 3 corners"),
-        ([(0, 0), (1, 0), (2, 0)], "convex"),
         ([(0, 0), (2, 0), (0.5, 0.5), (0, 2)], "convex"),
-        ([(0, 0), (1, 1), (1, 0), (0, 1)], "convex"),
         ([(np.cos(4 * np.pi * k / 5), np.sin(4 * np.pi * k / 5)) for k in range(5)], "convex"),
         ([(0, 0), (1, 0), (1, 0), (0, 1)], "twice"),
-        ([(0, 0), (1, np.nan), (0, 1)], "finite"),
-        ([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "shape"),
         ("abc", "real numbers"),
     ],
 )
@@ -110,12 +106,6 @@ def test_outlines_that_are_none_are_refused(vertices: Any, words: str) -> None:
 def test_walls_that_are_none_are_refused(values: Any) -> None:
     with pytest.raises(kl.ProblemError, match="wall"):
         kl.Wall(*values)
-
-
-def test_a_polygon_is_the_same_either_way_around() -> None:
-    assert sorted(kl.Polygon(SQUARE).vertices) == sorted(kl.Polygon(SQUARE[::-1]).vertices)
-    # corners on a straight side are no harm
-    assert len(kl.Polygon([(0, 0), (0.5, 0), (1, 0), (0, 1)]).vertices) == 4
 
 
 @settings(max_examples=8)
@@ -185,14 +175,6 @@ def test_turning_everything_turns_the_normals(seed: int, angle: float) -> None:
     np.testing.assert_allclose(normals_turned, normals @ turn, atol=1e-6)
 
 
-def test_the_way_out_of_a_polygon_is_through_its_nearest_side() -> None:
-    distance, normals = Solids([kl.Polygon(SQUARE)]).whole.measure(
-        np.array([[0.5, 0.9], [0.1, 0.5], [0.5, 1.0]])
-    )
-    np.testing.assert_allclose(distance[:, 0], [-0.1, -0.1, 0.0], atol=1e-12)
-    np.testing.assert_allclose(normals[:, 0], [[0, 1], [-1, 0], [0, 1]], atol=1e-12)
-
-
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_what_a_grid_leaves_out_lies_behind_what_it_names(seed: int) -> None:
@@ -214,24 +196,6 @@ def test_what_a_grid_leaves_out_lies_behind_what_it_names(seed: int) -> None:
             in_front = (boxes.grid.to_map(nearest) - points[point]) @ -normals[point].T
             outside = every[point] > 0.0
             assert (in_front >= distance[point] - BEHIND - 1e-12).any(axis=1)[outside].all()
-
-
-@settings(max_examples=20)
-@given(seed=st.integers(0, 10_000))
-def test_nothing_that_can_be_reached_is_left_out(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    solids = Solids(some(random))
-    for _ in range(5):
-        middle, reach = random.uniform(-2.0, 2.0, 2), 0.8
-        scene, state = Scene(1.0, reach, LOOKUP), SceneState()
-        near = scene.near(state, solids, middle)
-        assert near is not None
-        moved = middle + random.uniform(-LOOKUP, LOOKUP, 2) * 0.99
-        assert scene.near(state, solids, moved) is near
-        points = moved + random.uniform(-0.3, 0.3, (20, 2))
-        exact, known = solids.whole.least(points), near.least(points)
-        close = exact <= reach - 0.45
-        np.testing.assert_allclose(known[close], exact[close])
 
 
 def test_the_same_solids_are_prepared_once() -> None:

@@ -98,49 +98,7 @@ def test_a_refusal_is_one_line_with_the_file_and_the_way_on() -> None:
         judge(both).refuse(both)
 
 
-def test_too_little_to_judge_is_not_judged() -> None:
-    assert suspects_of(as_log(rows(drive(1.0, rate=20.0)))) == []
-
-
 @pytest.mark.parametrize("delay", [0.1, 0.35, 0.8])
 def test_the_delay_is_estimated(delay: float) -> None:
     table = rows(drive(90.0, rate=20.0, seed=6, delay=delay, noise=(0.003, 0.003)))
     assert judge(as_log(table)).delay == pytest.approx(delay, abs=0.05)
-
-
-def at_one_speed(seed: int) -> np.ndarray:
-    """Two minutes at 0.5 m/s, turning this way and that, 0.2 s late."""
-    made = drive(120.0, 5.0, seed, delay=0.2, speeds=(0.0, 1.2), noise=(0.0, 1e-4))
-    path = np.cumsum(0.5 / 5.0 * np.exp(1j * made.poses[:, 2]))
-    table = rows(made)
-    table[:, 1:3] = np.column_stack([path.real, path.imag])
-    table[:, 4] = 0.5
-    return table
-
-
-def test_the_delay_is_that_of_a_command_that_changes() -> None:
-    for seed in range(8):
-        verdict = judge(as_log(at_one_speed(seed)))
-        assert verdict.suspects == ()
-        assert verdict.delay == pytest.approx(0.2, abs=0.1)
-    always = at_one_speed(0)
-    always[:, 5] = 0.1
-    assert judge(as_log(always)) == ((), None)
-
-
-def test_v_and_omega_exchanged_are_not_taken_for_wheels() -> None:
-    for seed in range(5):
-        table = rows(drive(120.0, 20.0, seed, speeds=(0.6, 1.5), noise=(0.002, 0.002), delay=0.2))
-        reasons = [s.reason for s in suspects_of(as_log(table[:, [0, 1, 2, 3, 5, 4]]))]
-        assert "exchanged" in reasons[0] and not any("wheels" in r for r in reasons), reasons
-
-
-def test_a_table_whose_clock_begins_again_is_judged_in_its_own_order() -> None:
-    for seed in range(16):
-        table = valid(seed).table
-        sessions = table.copy()
-        for row in (len(table) // 3, 2 * len(table) // 3):
-            sessions[row:, 0] -= sessions[row, 0] - sessions[0, 0]
-        verdict, whole = judge(as_log(sessions)), judge(as_log(table))
-        assert verdict.suspects == ()
-        assert verdict.delay == pytest.approx(whole.delay, abs=0.02)

@@ -131,13 +131,6 @@ def test_odometry_alone_gives_measured_speeds_and_says_so(tmp_path: Path, bags: 
     np.testing.assert_allclose(log.commands.values, 0.1)
 
 
-def test_goals_are_not_taken_for_poses_nor_odometry_for_commands(tmp_path: Path, bags: Any) -> None:
-    made = write_bag(tmp_path / "goals", DRIVE, pose="pose", odoms=["/goal_pose", "/slam/pose"])
-    assert read_log(made).poses.source.startswith("/slam/pose")
-    made = write_bag(tmp_path / "twists", DRIVE, cmds=["/base/odom_twist", "/base/velocity"])
-    assert read_log(made).commands.source.startswith("/base/velocity")
-
-
 def test_stamps_of_another_clock_are_not_used(tmp_path: Path, bags: Any) -> None:
     made = write_bag(tmp_path / "bag", DRIVE, clock=-900.0)
     log = read_log(made)
@@ -150,67 +143,29 @@ def test_an_empty_topic_is_named(tmp_path: Path, bags: Any) -> None:
         kl.Dataset.load(made)
 
 
-@pytest.mark.parametrize("kind", ["sqlite3", "mcap", "ros1"])
-def test_torn_bags_are_one_line(tmp_path: Path, bags: Any, kind: str) -> None:
-    made = write_bag(tmp_path / ("b.bag" if kind == "ros1" else "b"), DRIVE, kind)
-    data = made if kind == "ros1" else next(p for p in made.iterdir() if p.suffix != ".yaml")
-    whole = data.read_bytes()
-    refused = 0
-    for share in (0.0, 0.01, 0.3, 0.6, 0.99):
-        data.write_bytes(whole[: int(share * len(whole))])
-        try:
-            kl.Dataset.load(made)
-        except kl.DataError as error:
-            refused += 1
-            assert str(made) in str(error) and "\n" not in str(error)
-    assert refused >= 4
-
-
 # autopilots
 
 
-def test_outputs_stand_in_for_speeds_and_that_is_told(tmp_path: Path) -> None:
+def test_outputs_stand_in_for_speeds_and_that_is_reported(tmp_path: Path) -> None:
     log = read_log(write_dataflash(tmp_path / "a.bin", DRIVE, desired=False))
     assert any("shares of full throttle" in note for note in log.notes)
     np.testing.assert_allclose(log.commands.values[-1] * [1.0, 2.0], DRIVE.commands[-1], atol=1e-3)
 
 
-def test_sticks_stand_in_for_set_points_and_that_is_told(tmp_path: Path) -> None:
+def test_sticks_stand_in_for_set_points_and_that_is_reported(tmp_path: Path) -> None:
     pytest.importorskip("pymavlink")
     log = read_log(write_tlog(tmp_path / "a.tlog", DRIVE, "sticks"))
     assert any("shares of full throttle" in note for note in log.notes)
     np.testing.assert_allclose(log.commands.values[-1] * [1.0, 2.0], DRIVE.commands[-1], atol=0.01)
 
 
-def test_what_pymavlink_reads_of_a_dataflash_log_is_read(tmp_path: Path) -> None:
-    reader = pytest.importorskip("pymavlink.DFReader")
-    made = write_dataflash(tmp_path / "a.bin", DRIVE)
-    with reader.DFReader_binary(str(made), zero_time_base=True) as log:
-        rows = []
-        while (m := log.recv_match(type="XKF1")) is not None:
-            if m.C == 0:
-                rows.append((m.PE, m.PN, np.radians(90.0 - m.Yaw)))
-    # it loses what follows the garbage in the middle
-    assert len(rows) > 400
-    theirs, ours = np.array(rows), read_log(made).poses.values[: len(rows)]
-    np.testing.assert_allclose(ours[:, :2], theirs[:, :2], atol=1e-5)
-    np.testing.assert_allclose(np.exp(1j * ours[:, 2]), np.exp(1j * theirs[:, 2]), atol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
         ("a.bin", b"", "not an ArduPilot log"),
-        ("a.bin", b"\xa3\x95" * 5000, "no pose is logged"),
-        ("a.tlog", b"", "no MAVLink frame"),
         ("a.tlog", bytes(range(256)) * 50, "a.tlog"),
         ("a.ulg", b"ULog", "not a PX4 log"),
         ("a.ulg", b"ULog\x01\x12\x35\x01" + bytes(8), "no pose is logged"),
-        ("a.mcap", b"\x89MCAP0\r\n", "not a ROS bag, or damaged"),
-        ("a.db3", b"SQLite format 3\0", "not a ROS bag, or damaged"),
-        ("a.bag", b"#ROSBAG V2.0\n", "not a ROS bag, or damaged"),
-        ("a.bag", b"", "not a ROS bag, or damaged"),
-        ("a.tum", b"# nothing\n", "a.tum"),
         ("a.xyz", b"hello", "unknown log format"),
     ],
 )
@@ -226,23 +181,6 @@ def test_what_is_no_log_is_one_line(
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("name", ["a.bin", "a.tlog", "a.ulg"])
-def test_torn_and_bent_logs_never_do_more_than_refuse(tmp_path: Path, name: str) -> None:
-    if name in NEEDS:
-        pytest.importorskip(NEEDS[name])
-    whole = WRITERS[name](tmp_path / name, drive(3.0)).read_bytes()
-    random = np.random.default_rng(0)
-    for trial in range(25):
-        bent = bytearray(whole[: int(random.uniform(0.1, 1.0) * len(whole))])
-        for _ in range(trial):
-            bent[random.integers(len(bent))] = random.integers(256)
-        (tmp_path / name).write_bytes(bent)
-        try:
-            kl.Dataset.load(tmp_path / name)
-        except kl.DataError as error:
-            assert "\n" not in str(error)
-
-
 @pytest.mark.parametrize(
     "ending", ["csv", "npz", "tum", "bin", "tlog", "ulg", "bag", "mcap", "db3"]
 )
@@ -254,15 +192,6 @@ def test_pipes_and_devices_are_not_opened(tmp_path: Path, ending: str) -> None:
     for name in ("pipe", "zero"):
         with pytest.raises(kl.DataError, match="not a regular file"):
             kl.Dataset.load(tmp_path / f"{name}.{ending}")
-
-
-def test_a_pipe_within_a_bag_is_not_opened(tmp_path: Path, bags: Any) -> None:
-    made = write_bag(tmp_path / "bag", DRIVE)
-    data = next(p for p in made.iterdir() if p.suffix == ".db3")
-    data.unlink()
-    os.mkfifo(data)
-    with pytest.raises(kl.DataError, match="not a regular file"):
-        kl.Dataset.load(made)
 
 
 def test_options_that_nothing_heeds_are_refused(tmp_path: Path) -> None:

@@ -64,15 +64,6 @@ def test_commands_may_be_those_of_two_wheels(tmp_path: Path, names: str) -> None
         ReadOptions(track=0.0)
 
 
-def test_commands_of_wheels_may_lie_in_a_table_of_their_own(tmp_path: Path) -> None:
-    poses = write(tmp_path / "poses.csv", "t,x,y,theta", as_lists(TABLE[:, :4]))
-    held = np.column_stack([TABLE[:, 0], TABLE[:, 4], TABLE[:, 4]])
-    beside = write(tmp_path / "wheels.csv", "t,left,right", as_lists(held))
-    log = read_log(poses, ReadOptions(commands=beside, track=TRACK))
-    np.testing.assert_allclose(log.commands.values[:, 0], TABLE[:, 4])
-    assert not log.commands.values[:, 1].any()
-
-
 def test_positions_may_be_latitude_and_longitude(tmp_path: Path) -> None:
     earth, north = 6_378_137.0, np.radians(52.0)
     place = np.column_stack(
@@ -104,15 +95,6 @@ def test_rows_with_a_value_missing_are_left_out_and_counted(tmp_path: Path) -> N
     table[8][5] = "inf"
     write(tmp_path / "run.csv", HEADER, table)
     with pytest.raises(kl.DataError, match="line 10, column omega: expected a finite number"):
-        read_log(made)
-
-
-def test_a_table_that_is_mostly_holes_is_refused(tmp_path: Path) -> None:
-    table = as_lists(TABLE)
-    for row in table[5:]:
-        row[5] = ""
-    made = write(tmp_path / "run.csv", HEADER, table)
-    with pytest.raises(kl.DataError, match="line 7, column omega: expected a finite number in rad"):
         read_log(made)
 
 

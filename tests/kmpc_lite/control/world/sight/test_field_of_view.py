@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.progress import ProgressState
 from kmpc_lite.control.world.sight.outlook import Outlooks, outlook_of
 
 REACH, QUARTER = 8.0, math.pi / 2
@@ -53,9 +52,3 @@ def test_a_turn_faces_what_is_not_looked_at() -> None:
     # the last one lies within the outermost of what is seen
     wanted = math.pi / 2, math.atan2(-0.1, -1.0), math.atan2(0.7, 0.8)
     np.testing.assert_allclose(turns, wanted)
-
-
-def test_a_robot_that_drives_a_detour_gets_on() -> None:
-    drives = ProgressState(worst_left=20.0, waited=0.2)
-    assert drives.gets_on(18.0) and not drives.gets_on(19.5)
-    assert not ProgressState(worst_left=20.0, waited=3.0).gets_on(18.0)

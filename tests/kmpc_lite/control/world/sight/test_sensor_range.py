@@ -49,22 +49,6 @@ def test_the_speed_follows_from_sight_and_braking() -> None:
         assert 0.7 * math.sqrt(2 * 1.5 * reach) < speed <= 1.05 * math.sqrt(2 * 1.5 * reach)
 
 
-def test_plans_end_within_the_range() -> None:
-    for plan in drive(0.5)[3:]:
-        away = np.hypot(*(plan.states[:, :2] - plan.states[0, :2]).T)
-        assert away.max() < 0.5 + 0.05
-
-
-def test_a_robot_that_stands_at_once_drives_no_farther_in_a_period_than_it_sees() -> None:
-    controller = kl.Controller(
-        kl.nominal_unicycle(0.1),
-        kl.NavigationProblem(u_min=(-1.5, -2.0), u_max=(1.5, 2.0), sensor_range=0.1),
-    )
-    for _ in range(3):
-        plan = controller.step(START, GOAL)
-        assert 0.1 * plan.command[0] <= 0.1
-
-
 @pytest.mark.parametrize("reach", [0.0, -1.0, math.nan, math.inf, "far", True])
 def test_ranges_that_are_none_are_refused(reach: object) -> None:
     with pytest.raises(kl.ProblemError, match="sensor_range"):
@@ -74,21 +58,3 @@ def test_ranges_that_are_none_are_refused(reach: object) -> None:
 def test_without_margins_nothing_would_keep_it() -> None:
     with pytest.raises(kl.ProblemError, match="tightening"):
         kl.Controller(kl.nominal_unicycle(0.1), problem(1.0), tightening=None)
-
-
-def test_a_robot_twice_as_large_sees_twice_as_far() -> None:
-    """Lengths and speeds doubled: the same numbers, to the last bit."""
-    small = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(sensor_range=0.4))
-    large = kl.Controller(
-        kl.nominal_unicycle(0.1),
-        kl.NavigationProblem(
-            robot_radius=0.3,
-            u_min=(-1.2, -np.pi / 4),
-            u_max=(1.2, np.pi / 4),
-            sensor_range=0.8,
-        ),
-    )
-    by = np.array([2.0, 2.0, 1.0])
-    for _ in range(5):
-        plan, twin = small.step(START, GOAL), large.step(by * START, by * GOAL)
-        np.testing.assert_array_equal(by * plan.states, twin.states)

@@ -47,7 +47,7 @@ def test_a_surface_is_nearer_than_seen_by_two_standard_deviations() -> None:
     assert nearest == pytest.approx(np.cos(2.0 * STEP) - errors, abs=1e-6)
 
 
-def test_nobody_steps_out_of_what_is_not_seen_now() -> None:
+def test_nothing_emerges_from_what_is_not_seen_now() -> None:
     usual, wary = (sight(emerging_speed=speed) for speed in (0.0, 0.2))
     ahead = kl.LaserScan(np.full(90, 2.0), -np.pi / 4, STEP, 5.0)
     here: LocalMap | None = looked()
@@ -76,11 +76,6 @@ def test_nothing_is_known_of_what_stands_beside_a_robot_that_begins() -> None:
     usual, trusting = free_behind(sight()), free_behind(sight(free_at_start=1.0))
     assert 0.15 <= usual < 0.22
     assert trusting == pytest.approx(usual + 0.15, abs=0.02)
-
-
-def test_what_is_hit_beside_a_robot_that_begins_is_there() -> None:
-    here = sight(free_at_start=3.0).look(None, [scan(0.4)], HERE, 0.0)
-    assert here is not None and here.state.max() > 0
 
 
 class OneView:
