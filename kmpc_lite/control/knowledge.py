@@ -98,11 +98,7 @@ class Examiner:
             return Knowledge(motion, margins, None)
         found = self._learned_capabilities(base)
         if adapted:
-            # adaptation corrects speeds; all else stays as the learned model says
-            from kmpc_lite.control.path.capabilities import drivable_speeds
-
-            speeds = drivable_speeds(motion, self._units)
-            found = found.with_speeds(speeds, self._options.guidance.turn_share)
+            found = found.adapted(motion, self._units, self._options.guidance.turn_share)
         return Knowledge(motion, margins, found)
 
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:

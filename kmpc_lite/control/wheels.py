@@ -30,6 +30,8 @@ class Unsteered:
 
     axes: ClassVar[tuple[int, ...]] = (0, 1)
     inputs: ClassVar[int] = 2
+    curvature: ClassVar[float] = math.inf
+    """Largest curvature [1/m]."""
 
     def within(self, commands: Array) -> Array:
         """Bring commands (..., m) within what the wheels can do: all is."""

@@ -57,5 +57,6 @@ class GuideInUse:
     def turn_about(self, centre: np.ndarray | None) -> None:
         self.known = replace(self.known, turning_centre=centre)
 
-    def drive_at(self, *speeds: float) -> None:
-        self.known = self.known.with_speeds(np.array(speeds), 0.9)
+    def drive_at(self, ahead: float, back: float, turn: float) -> None:
+        forward, backward = np.array((ahead, 0.9 * turn)), np.array((back, 0.9 * turn))
+        self.known = replace(self.known, forward=forward, backward=backward)

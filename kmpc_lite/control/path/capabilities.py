@@ -58,11 +58,18 @@ class Capabilities:
     """With which a path ends [m/s^2]."""
     late: int = 0
     """Periods until a command has had half of its effect, where the model knows of it."""
+    curving: float = 1.0
+    """Share of its sharpest curvature that a car drives, on arcs at the speeds above."""
+    steering_lag: float = 0.0
+    """Time until a car's turn rate has changed by half of what was commanded [s]."""
 
-    def with_speeds(self, speeds: Array, turn_share: float) -> Capabilities:
-        """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
-        forward, backward = _timing(speeds, turn_share)
-        return replace(self, forward=forward, backward=backward)
+    def adapted(
+        self, model: MotionModel, problem: NavigationProblem, turn_share: float
+    ) -> Capabilities:
+        """Return the same for a model that was adapted: it corrects speeds and curvatures alone."""
+        forward, backward = _timing(drivable_speeds(model, problem), turn_share)
+        curving = followed_curvature(model, problem, forward, backward)
+        return replace(self, forward=forward, backward=backward, curving=curving)
 
     @property
     def evasive(self) -> Array:
@@ -99,11 +106,15 @@ def capabilities(
         clearance_at_speed(problem, margins) if margins is not None and model.history else 0.0
     )
     speeds = drivable_speeds(model, problem)
+    forward, backward = _timing(speeds, options.turn_share)
     speed_late, turn_late = answers_late(model)
+    steering_lag = 0.0
     if not problem.wheels.turns_on_the_spot:
-        turn_late = 0  # a car goes on as its speed does; what its steering does, it can still drive
+        # a car goes on as its speed does; what its steering does, it can still drive
+        steering_lag, turn_late = turn_late * problem.dt, 0
     return Capabilities(
-        *_timing(speeds, options.turn_share),
+        forward,
+        backward,
         turning_centre(model, problem),
         goal_tolerances(model, goal_options, problem.goal_tolerance),
         clearance,
@@ -111,6 +122,8 @@ def capabilities(
         options.brake_share * float(problem.du_max[0]),
         # a delay that the model does not know is part of the pose's age
         max(speed_late, turn_late),
+        followed_curvature(model, problem, forward, backward),
+        steering_lag,
     )
 
 
@@ -177,6 +190,27 @@ def drivable_speeds(model: MotionModel, problem: NavigationProblem) -> Array:
         np.maximum(signed, LEAST_SPEED_SHARE * bounds),
     )
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
+
+
+def followed_curvature(
+    model: MotionModel, problem: NavigationProblem, forward: Array, backward: Array
+) -> float:
+    """Share of its sharpest curvature that a car drives, in either gear and to either side.
+
+    By its model, on arcs at the speeds (2,) at which paths are timed. All of other wheels.
+    """
+    sharpest = problem.wheels.curvature
+    if not np.isfinite(sharpest):
+        return 1.0
+    speeds = np.array([forward[0], -backward[0]])
+    speeds = np.clip(speeds, -backward[1] / sharpest, forward[1] / sharpest)
+    driven = np.repeat(speeds[np.abs(speeds) > ROUNDING], 2)
+    rates = sharpest * np.tile((1.0, -1.0), len(driven) // 2) * driven
+    held = np.stack([driven, rates], axis=1)
+    history = np.repeat(held[:, None], model.history, axis=1)
+    ends = model.predict(np.zeros((len(held), 3)), held, history)
+    shares = ends[:, 2] / np.hypot(ends[:, 0], ends[:, 1]) * np.sign(rates) / sharpest
+    return float(np.clip(shares.min(initial=1.0), LEAST_SPEED_SHARE, 1.0))
 
 
 def speed_shares(model: MotionModel, problem: NavigationProblem) -> tuple[float, float]:

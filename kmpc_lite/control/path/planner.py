@@ -18,7 +18,7 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.world.solids import Solids
 
 NEAR_GOAL = 0.3
 """A robot nearer to its goal than this that lags more than its model knows has soon left the place
@@ -123,6 +123,10 @@ class PathRequest:
     """In which the wheels of a car stand [1/m] ..."""
     gear: float = 0.0
     """... and in which gear it drives: 1, -1, or 0 if it stands."""
+    curving: float = 1.0
+    """Share of its sharpest curvature that it drives."""
+    steering_lag: float = 0.0
+    """Time until its turn rate has changed by half of what was commanded [s]."""
     footprint: Footprint | None = None
     """What the circles cover; none of a round robot."""
     unit: float = 1.0
@@ -169,6 +173,7 @@ class PathRequest:
             tried=tuple(route.in_metres(scale) for route in self.tried),
             gear_time=self.gear_time * scale.time,
             curvature=self.curvature / length,
+            steering_lag=self.steering_lag * scale.time,
             unit=length * self.unit,
         )
 
@@ -185,13 +190,6 @@ def distances_around(
     if solids is not None:
         np.minimum(distances, solids.whole.least(points / unit) * unit + coarse, out=distances)
     return distances
-
-
-def same_solids(first: Solids | None, second: Solids | None) -> bool:
-    """Whether two maps are one."""
-    if first is second:
-        return True
-    return first is not None and second is not None and first.solids == second.solids
 
 
 @dataclass(frozen=True, slots=True, eq=False)

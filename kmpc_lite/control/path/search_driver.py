@@ -125,6 +125,8 @@ class SearchDriver:
             turned=state.turned,
             gear_time=0.0 if now.view is None else GEAR_TIME,
             curvature=now.curvature,
+            curving=can.curving,
+            steering_lag=can.steering_lag,
             gear=math.copysign(1.0, now.speed) if abs(now.speed) > STANDS else 0.0,
         )
         self._search(state, now, Search(request, same_goal, progress.is_stuck, lead))

@@ -24,7 +24,7 @@ from kmpc_lite.control.options import (
 # here, for no step has time to import its image filters
 from kmpc_lite.control.path.lattice import Fineness, Lattice, LatticeTask
 from kmpc_lite.control.path.lattice_path import LatticePath
-from kmpc_lite.control.path.planner import Path, PathRequest, same_solids
+from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.path.price import (
     extra_time,
     fits,
@@ -45,6 +45,7 @@ from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.path.tangent_search import tangent_paths
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.solids import same_solids
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Solids

@@ -198,3 +198,10 @@ class Solids:
             close = outlines.distances(here)[0][0] <= distance
         chosen = [(b, b.distances(here)[0] <= distance) for b in self.boxes]
         return Nearby(outlines.take(close), [b.take(near) for b, near in chosen if near.any()])
+
+
+def same_solids(first: Solids | None, second: Solids | None) -> bool:
+    """Whether two maps are one."""
+    if first is second:
+        return True
+    return first is not None and second is not None and first.solids == second.solids

@@ -64,10 +64,11 @@ class CarMotions:
     """Arcs and straights in both gears; curves of Reeds and Shepp, or of Dubins, lead to a pose."""
 
     def __init__(self, car: Car, request: PathRequest, tight: bool) -> None:
-        self._radius = WIDER * car.turning_radius
-        if car.steering_rate is not None and not tight:
+        self._radius = WIDER * car.turning_radius / request.curving
+        if not tight:
             # how far it drives until it is steered to one side, in turning radii
-            driven = float(request.forward[0]) * car.curvature**2 / car.steering_rate
+            steers = 0.0 if car.steering_rate is None else car.curvature / car.steering_rate
+            driven = float(request.forward[0]) * car.curvature * (steers + request.steering_lag)
             self._radius *= 1.0 + SLOW_STEERING * min(driven, 1.0)
         self._steering_rate = car.steering_rate
         self._reverse = car.reverse and float(request.backward[0]) > 0.0

@@ -71,6 +71,20 @@ def test_the_controller_times_by_its_model_and_by_what_it_learns() -> None:
     assert slow == pytest.approx(quick / (1.05 * 0.37), rel=0.05)
 
 
+def test_how_sharply_a_car_drives_is_what_its_model_knows(nominal: kl.KoopmanModel) -> None:
+    problem = kl.NavigationProblem(u_min=(-0.6, -1.5), u_max=(0.6, 1.5), wheels=kl.Car(0.4))
+    assert capabilities(nominal, problem).curving == pytest.approx(1.0)
+    assert capabilities(nominal, PROBLEM).curving == 1.0
+    # its turns are 0.8 of what they should be, or its way is 1.25 times as long
+    for turn, ahead in ((0.8, 1.0), (1.0, 1.25)):
+        gains = np.diag((ahead, ahead, turn))
+        weak = replace(nominal, B=gains @ nominal.B, H=gains @ nominal.H)
+        known = capabilities(weak, problem)
+        assert known.curving == pytest.approx(0.8, rel=1e-3)
+        adapted = capabilities(nominal, problem).adapted(weak, problem, 0.9)
+        assert adapted.curving == known.curving
+
+
 def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     nominal: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:

@@ -86,6 +86,22 @@ def test_among_circles_paths_are_exact_and_clear(wheels, goal):
         assert wheels.reverse or (path.gears > 0).all()
 
 
+def test_a_car_s_path_is_as_wide_as_it_curves_and_wider_if_it_steers_late():
+    there = request((0, 0, 0), (0.0, 1.0, np.pi))
+
+    def tightest_turn(**known):
+        path = search(CAR, replace(there, **known))
+        ways = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
+        return 1.0 / float((np.abs(np.diff(path.poses[:, 2])) / ways).max())
+
+    usual = tightest_turn()
+    assert usual == pytest.approx(1.05 * 0.4, rel=0.01)
+    assert tightest_turn(curving=0.8) == pytest.approx(usual / 0.8, rel=0.01)
+    # at 0.6 m/s, it drives a third of its turning radius meanwhile
+    late = 0.4 / 0.6 / 3.0
+    assert tightest_turn(steering_lag=late) == pytest.approx(usual * (1.0 + 0.2 / 3.0), rel=0.01)
+
+
 def slot(gap):
     """Two boxes along a kerb, and the pose between them."""
     length = 0.5 * gap
