@@ -54,6 +54,7 @@ EXTRA = 4
 """
 NO_ROOM = "there is no room to turn: the goal's place can be reached, but not its heading"
 NO_WAY = "no passage to the goal is wide enough"
+GAVE_UP = "the search for a path gave up: the goal's place can be reached, perhaps not its heading"
 
 
 class FieldPlanner:
@@ -85,6 +86,7 @@ class FieldPlanner:
         self._speed, self._cell = speed, 0.9 * self._step * speed
         self._field = PlainField(request, self._radius)
         self._best: tuple[Piece, int] | None = None
+        self._is_exhausted = False
         self._line: Line | None = None
         self._begin_tree(0)
 
@@ -138,6 +140,8 @@ class FieldPlanner:
         ended = not len(nodes) or tree.is_full or self._batches >= self._last
         if ended or least >= WEIGHT * self._price:
             last = self._attempt + 1 == len(ATTEMPTS)
+            # from no pose of a tree of fine steps it goes on
+            self._is_exhausted |= not len(nodes) and self._attempt > 0
             if self._best is None and self._field.connects and not last:
                 self._begin_tree(self._attempt + 1)
             else:
@@ -204,8 +208,7 @@ class FieldPlanner:
     def _begin_improving(self) -> None:
         """Take the best path so far; the next parts look for better ways between its poses."""
         if self._best is None:
-            connects = self._field.connects
-            self._found = NO_ROOM if connects and isinstance(self._wheels, Car) else NO_WAY
+            self._found = self._reason()
             return
         way, node = self._best
         tree = self._tree
@@ -220,6 +223,14 @@ class FieldPlanner:
         costs = np.concatenate([[self._price], tree.costs[nodes]])
         gears = np.concatenate([[0], tree.gears[nodes]])
         self._line, self._knot = Line(poses, costs, gears, ways), len(ways) - 1
+
+    def _reason(self) -> str:
+        """Why there is no path."""
+        if not self._field.connects:
+            return NO_WAY
+        if not self._is_exhausted:
+            return GAVE_UP
+        return NO_ROOM if isinstance(self._wheels, Car) else NO_WAY
 
     def _improve(self, line: Line) -> None:
         """Look for better ways from one pose of the path; the first one's is the path at last."""
