@@ -55,7 +55,7 @@ class Controller:
         is the corrected model. An `OnlineAdaptation` must be made for `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile,
-        as it is by how late the robot answers where the log shows more than the model.
+        as it is by how late the robot answers beyond its model, by its log or as it drives.
     sqp_iterations : int, optional
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than
         `tolerance`. If not given: 1, or more where the robot turns far in a period.
@@ -202,7 +202,8 @@ class Controller:
         clock = StepClock(self._settings.clock, self._settings.time_budget)
         phases, state = self._pipeline, self._state
         seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
-        phases.bring_forward(state, seen, self.known)
+        if phases.bring_forward(state, seen, self.known):
+            self.update_model(state.base_model)  # adaptation took the delay for gains
         if refusal := self._learn() or seen.refusal:
             return phases.refuse(state, seen, self.known, refusal, clock)
         phases.estimate(state, seen, self.known)
@@ -211,11 +212,10 @@ class Controller:
             return phases.hold(state, seen, guidance, self.known, clock)
         task = phases.task(state, seen, guidance, self.known, clock)
         result = phases.solve(state, seen, guidance, task, clock)
-        verified = phases.verify(state, seen, result, task, clock)
+        verified, passes = phases.verify(state, seen, result, task, clock), result.passes
         if verified.trajectory is None or verified.motion is None:
-            why, passes = verified.reason, result.passes
-            return phases.fallback.stop(state, seen, self.known, why, clock, passes)
-        return phases.command(state, seen, guidance, verified, result.passes, clock)
+            return phases.fallback.stop(state, seen, self.known, verified.reason, clock, passes)
+        return phases.command(state, seen, guidance, verified, passes, clock)
 
     @property
     def model(self) -> KoopmanModel:

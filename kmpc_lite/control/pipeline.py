@@ -14,6 +14,8 @@ import numpy as np
 
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.history import advance_pose
+from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.estimate.lateness import Lateness
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.kernels import Kernels
@@ -86,7 +88,7 @@ class Pipeline:
         self._options, self._problem = options, units
         self._sqp, self._pose_age = sqp, pose_age
         self._guiding = Guiding(units, guide)
-        self._rates = RateLimit(units)
+        self._rates, self._lateness = RateLimit(units), Lateness(units, pose_age)
         self._emerging_speed = options.sight.emerging_speed / scale.speed
         self._kernels = kernels
         motions = SafeMotions(units, options.stop, kernels)
@@ -110,17 +112,25 @@ class Pipeline:
             seen.felt = margins.felt(innovation)
         self._answers.events.drift(innovation.drifting)
 
-    def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+    def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> bool:
         """Note what was really sent in the command history; bring an old pose forward.
 
-        Circles and pose are compared with what was expected of them (`Watching.watch`).
+        Circles and pose are compared with what was expected of them (`Watching.watch`). Returns
+        whether the robot is found to answer later, or sooner, than was thought.
         """
+        history, changed = state.history, False
         if seen.sent is not None:
-            state.history.correct(seen.sent, self._problem)
-        if self._pose_age:
-            given = state.history.given
-            seen.bring_forward(advance_pose(known.model, seen.pose, given, self._pose_age))
+            history.correct(seen.sent, self._problem)
+        if state.adaptation is not None:
+            pose = seen.pose if seen.pose_is_known and history.driven is not None else None
+            changed = self._lateness.see(state.lateness, known.model, history.given, pose)
+            if changed:
+                # the pose that was expected now is one of another age
+                history.driven, state.innovation = None, InnovationState()
+        if age := self._pose_age + self._problem.dt * state.lateness.periods:
+            seen.bring_forward(advance_pose(known.model, seen.pose, history.given, age))
         self._watching.watch(state, seen, known)
+        return changed
 
     def refuse(
         self,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.estimate.lateness import LatenessState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.standstill import StandstillState
 from kmpc_lite.control.world.scene import SceneState
@@ -40,6 +41,8 @@ class ControllerState:
     """Path, search and checkers; none without guidance."""
     innovation: InnovationState = field(default_factory=InnovationState)
     """How poses differed from what was predicted, and whether the pose has jumped."""
+    lateness: LatenessState = field(default_factory=LatenessState)
+    """How much later than its model says the robot answers."""
     circles: TrackedCircles = field(default_factory=TrackedCircles)
     """Circles as given, those out of reach, and what is followed of them and in scans."""
     turn: float = 0.0

@@ -16,6 +16,9 @@ OLDEST_POSE, OLDEST_POSE_PERIODS = 2.0, 1000
 """Largest `pose_age` [s]: of an older pose nothing follows for the present one. The same in
 periods: each is rolled out in every step."""
 
+LATEST_ANSWER, LATEST_PERIODS = 0.6, (6, 30)
+"""How late a robot may answer beyond what is known [s], and in periods from these to those."""
+
 
 def oldest_pose(dt: float) -> float:
     """Largest age of a pose that is accepted at a period [s]."""
@@ -28,6 +31,11 @@ def whole_age(pose_age: float, model: KoopmanModel) -> float:
     To a model without input history a pose that shows old commands is an old pose.
     """
     return max(pose_age, min(pose_age + unmodelled_delay(model), oldest_pose(model.dt)))
+
+
+def latest_answer(dt: float) -> int:
+    """How many periods later than known a robot may answer, and is found to."""
+    return int(min(max(LATEST_ANSWER / dt, LATEST_PERIODS[0]), LATEST_PERIODS[1]))
 
 
 CREEPS = 1e-3
@@ -80,7 +88,7 @@ class CommandHistory:
             How old poses are on arrival.
         """
         inputs = len(problem.u_min)
-        periods = int(np.ceil(pose_age / problem.dt)) + history if pose_age else 0
+        periods = int(np.ceil(pose_age / problem.dt)) + latest_answer(problem.dt) + 2 + history
         return cls(np.zeros(inputs), np.zeros((history, inputs)), np.zeros((periods, inputs)))
 
     @property

@@ -1,0 +1,83 @@
+"""How late a robot answers is found from its motion, and from nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.estimate.lateness import Lateness, LatenessState
+from kmpc_lite.types import Array
+
+MODEL = kl.nominal_unicycle(0.1)
+KEPT = 20
+
+
+def found(
+    late: int,
+    turns_late: int | None = None,
+    gain: float = 1.0,
+    noise: float = 0.0,
+    age: float = 0.0,
+) -> list[int]:
+    """Periods found at each step of a robot that drives and turns so late, at random commands."""
+    random, state = np.random.default_rng(3), LatenessState()
+    lateness = Lateness(kl.NavigationProblem(), age)
+    held = random.uniform((-0.3, -0.7), (0.6, 0.7), (30, 2)).repeat(4, axis=0)
+    given = np.concatenate([np.zeros((KEPT, 2)), held])
+    turns_late = late if turns_late is None else turns_late
+    pose: Array = np.zeros(3)
+    out = []
+    for k in range(KEPT, len(given)):
+        command = np.array((given[k - late, 0], gain * given[k - turns_late, 1]))
+        pose = MODEL.predict(pose, command)
+        seen = pose + noise * random.normal(size=3)
+        lateness.see(state, MODEL, given[: k + 1], seen)
+        out.append(state.periods)
+    return out
+
+
+@pytest.mark.parametrize("late", [0, 1, 3, 6])
+def test_a_delay_is_found_and_kept(late: int) -> None:
+    """Within sixty periods of commands that change, whatever the floor does to turns."""
+    for gain in (1.0, 0.6):
+        assert set(found(late, gain=gain, noise=0.002)[60:]) == {late}
+
+
+def test_noise_is_no_delay() -> None:
+    """Poses of 1 cm and 0.01 rad find none where there is none."""
+    assert set(found(0, noise=0.01)) == {0}
+
+
+def test_of_two_delays_the_shorter_counts() -> None:
+    """What is taken for an old pose must be old for speeds and turns."""
+    assert found(4, turns_late=2)[-1] == 2
+    assert found(1, turns_late=3)[-1] == 1
+
+
+def test_a_known_age_is_not_found_again() -> None:
+    """Of a pose that is two periods old, only what is beyond them is news."""
+    assert found(2, age=0.2)[-1] == 0
+    assert found(3, age=0.2)[-1] == 1
+
+
+def test_missing_poses_tell_nothing() -> None:
+    """Nor do those after them, which show more than one period."""
+    state, lateness = LatenessState(), Lateness(kl.NavigationProblem(), 0.0)
+    given = np.random.default_rng(0).uniform(0.1, 0.5, (KEPT, 2))
+    for pose in (np.zeros(3), None, np.ones(3), None):
+        assert not lateness.see(state, MODEL, given, pose)
+    assert state.count == 0.0
+
+
+def test_a_robot_that_lags_unknown_to_its_model_parks() -> None:
+    """It swung about its goal for ever; without adaptation nothing is looked for."""
+    for adaptation, late in ((None, 4), (False, 0)):
+        controller = kl.Controller(MODEL, adaptation=adaptation)
+        pose, pipe = np.zeros(3), [np.zeros(2)] * 4
+        for _ in range(100):
+            plan = controller.step(pose, (1.5, 0.8, 1.0), np.array([[0.8, 0.2, 0.2]]))
+            pipe.append(plan.command)
+            pose = MODEL.predict(pose, pipe.pop(0))
+        assert controller.state.lateness.periods == late
+        assert plan.holding is (adaptation is None)
