@@ -1,4 +1,4 @@
-"""Angles, rotations, arcs and distances to circles: once for the whole package.
+"""Angles, rotations, arcs and distances: once for the whole package.
 
 Every function takes scalars as well as arrays. A Python float goes through `math`, which is many
 times faster for one number than NumPy. Lengths are in m, angles in rad, times in s.
@@ -75,33 +75,6 @@ def nearest_turn(angle: float | Array) -> float | Array:
     if isinstance(angle, float | int):
         return math.tau * round(angle / math.tau)
     return math.tau * np.round(angle / math.tau)
-
-
-@overload
-def heading_near(angle: float, reference: float) -> float: ...
-@overload
-def heading_near(angle: Array, reference: float | Array) -> Array: ...
-def heading_near(angle: float | Array, reference: float | Array) -> float | Array:
-    """Name an angle by the number within half a turn of a reference: a robot turns the short way.
-
-    Parameters
-    ----------
-    angle : float or Array
-        The angles to name [rad].
-    reference : float or Array
-        Where from, of a shape that broadcasts with `angle` [rad].
-
-    Returns
-    -------
-    float or Array
-        The angles plus whole turns, in [reference - pi, reference + pi) [rad].
-
-    Examples
-    --------
-    >>> round(heading_near(-3.0, 3.0), 3)
-    3.283
-    """
-    return reference + wrap(angle - reference)
 
 
 @overload
@@ -216,31 +189,6 @@ def exact_arc(
         pose[..., 0] + forward, pose[..., 1] + sideways, pose[..., 2] + turns
     )
     return np.stack(ends, axis=-1)
-
-
-def clearances(points: Array, circles: Array) -> Array:
-    """Distances from points to the edges of circles; negative inside.
-
-    Parameters
-    ----------
-    points : Array
-        Points (..., 2) or poses (..., 3) [m]; the heading does not matter.
-    circles : Array
-        Circles (n, 3) or longer rows that begin with x, y, radius [m].
-
-    Returns
-    -------
-    Array
-        Distances (..., n) [m].
-
-    Examples
-    --------
-    >>> clearances(np.array([3.0, 4.0]), np.array([[0.0, 0.0, 1.0], [3.0, 4.0, 0.5]]))
-    array([ 4. , -0.5])
-    """
-    x, y = points[..., 0, None], points[..., 1, None]
-    distances: Array = np.hypot(x - circles[:, 0], y - circles[:, 1]) - circles[:, 2]
-    return distances
 
 
 def distances(points: Array, others: Array) -> Array:

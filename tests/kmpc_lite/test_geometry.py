@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from kmpc_lite.geometry import (
     exact_arc,
-    heading_near,
     nearest_turn,
     rotate,
     wrap,
@@ -33,15 +32,6 @@ def test_without_its_nearest_turn_an_angle_is_at_most_half_a_turn(angle: float) 
     turns = nearest_turn(angle)
     assert turns / math.tau == pytest.approx(round(turns / math.tau), abs=1e-9)
     assert abs(angle - turns) <= math.pi + 1e-9
-
-
-@given(ANGLES, ANGLES)
-def test_a_heading_near_a_reference_is_the_same_heading_within_half_a_turn(
-    angle: float, reference: float
-) -> None:
-    near = heading_near(angle, reference)
-    assert abs(near - reference) <= math.pi + 1e-9
-    assert math.cos(near) == pytest.approx(math.cos(angle), abs=1e-8)
 
 
 def test_rotation_keeps_lengths_and_turns_counter_clockwise() -> None:

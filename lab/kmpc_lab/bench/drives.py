@@ -10,7 +10,6 @@ from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
 from kmpc_lab.studies.contenders import PAPER_FORM, Contender
 from kmpc_lab.studies.training import DT
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import clearances
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
@@ -37,13 +36,18 @@ def learned_model() -> KoopmanModel:
     return replace(fit(data), integrator="midpoint")
 
 
+def _clearances(point: Array, circles: Array) -> Array:
+    """Distances (M,) from a point to the edges of circles (M, 5) [m]; negative inside."""
+    return np.asarray(np.hypot(*(point[:2] - circles[:, :2]).T) - circles[:, 2])
+
+
 def random_circles(random: np.random.Generator, count: int) -> Array:
     """Obstacles (count, 5) with room between them, in an area that grows with their number."""
     half = 1.6 * max(1.0, np.sqrt(count / 6))
     placed: list[Array] = []
     while len(placed) < count:
         row = np.array([*random.uniform(-half, half, 2), random.uniform(0.10, 0.28), 0.0, 0.0])
-        if (clearances(row, np.array(placed).reshape(-1, 5)) > row[2] + SPACING).all():
+        if (_clearances(row, np.array(placed).reshape(-1, 5)) > row[2] + SPACING).all():
             placed.append(row)
     return np.array(placed)
 
@@ -52,7 +56,7 @@ def free_pose(random: np.random.Generator, circles: Array) -> Array:
     """Pose (3,) at least 0.1 m clear of the obstacles."""
     while True:
         pose = np.array([*random.uniform(-HALF, HALF, 2), random.uniform(-np.pi, np.pi)])
-        if (clearances(pose, circles) > 0.25).all():
+        if (_clearances(pose, circles) > 0.25).all():
             return pose
 
 

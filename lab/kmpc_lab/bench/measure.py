@@ -18,7 +18,7 @@ from kmpc_lab.report.style import LINES, legend_below, new_figure, render, style
 from kmpc_lab.studies.contenders import Contender
 from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import heading_near
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -146,7 +146,7 @@ def _run(
             result.unsolved += 1
             continue
         goal = drive.goal.copy()
-        goal[2] = heading_near(float(goal[2]), float(x[2]))
+        goal[2] = float(x[2]) + wrap(float(goal[2]) - float(x[2]))
         result.cost.append(problem.cost(plan.states, plan.inputs, goal))
         result.violation.append(violation(plan.states, drive.circles, problem))
         result.defect.append(

@@ -12,7 +12,7 @@ from kmpc_lab.bench.drives import RecordedDrive
 from kmpc_lab.bench.measure import violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import distances, heading_near, wrap
+from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -98,7 +98,7 @@ def _judge(
 ) -> Comparison:
     plans = [controller.step(x, drive.goal, drive.circles) for controller in (ours, peer)]
     goal = drive.goal.copy()
-    goal[2] = heading_near(float(goal[2]), float(x[2]))
+    goal[2] = float(x[2]) + wrap(float(goal[2]) - float(x[2]))
     cost, best = (problem.cost(plan.states, plan.inputs, goal) for plan in plans)
     inside, peer_inside = (violation(plan.states, drive.circles, problem) for plan in plans)
     excess = cost / max(best, 1e-9) - 1.0

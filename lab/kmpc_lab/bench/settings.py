@@ -20,7 +20,7 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver
 from kmpc_lite.control.options import ControllerOptions, OSQPOptions, SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import heading_near
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -151,7 +151,7 @@ def _judge(
 ) -> tuple[float, float]:
     """Objective with penalties of what the commands do, and how deep they enter an obstacle [m]."""
     goal = drive.goal.copy()
-    goal[2] = heading_near(float(goal[2]), float(x[2]))
+    goal[2] = float(x[2]) + wrap(float(goal[2]) - float(x[2]))
     states = model.rollout(x, inputs)
     inside = violation(states, drive.circles, problem)
     return problem.cost(states, inputs, goal) + float(problem.slack_weights[0]) * inside, inside

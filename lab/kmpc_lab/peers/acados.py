@@ -17,7 +17,7 @@ from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.errors import KmpcError, ProblemError
-from kmpc_lite.geometry import heading_near
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, Array
 
@@ -84,7 +84,7 @@ class AcadosController:
             )
         n, solver = self.problem.horizon, self._solver
         start = perf_counter()
-        target[2] = heading_near(float(target[2]), float(pose[2]))
+        target[2] = float(pose[2]) + wrap(float(target[2]) - float(pose[2]))
         self._set(pose, target, circles)
         prepared = perf_counter()
         status = solver.solve()

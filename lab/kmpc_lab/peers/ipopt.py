@@ -15,7 +15,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.errors import KmpcError, ProblemError
-from kmpc_lite.geometry import heading_near
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -175,7 +175,7 @@ class IpoptController:
             self._build(len(circles))
         n = self.problem.horizon
         start = perf_counter()
-        target[2] = heading_near(float(target[2]), float(pose[2]))
+        target[2] = float(pose[2]) + wrap(float(target[2]) - float(pose[2]))
         if self._states is None:
             self._states = np.tile(pose, (n + 1, 1))
         guess = np.concatenate(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from firmware_bridge.recording.drive.seen import SCAN_ARRAYS, scans_of, scans_to_arrays
+from firmware_bridge.recording.drive.seen import ranges_of, told_ranges
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import MAX_ARCHIVE_BYTES, read_npz, real_array, write_whole
 from kmpc_lite.reading import parse_toml
@@ -21,6 +23,7 @@ LEAST, LARGEST = 1e-6, 1e6
 """Of a time that is not zero [s], and of all numbers of a drive [m, rad, s]."""
 FORMAT, VERSION = "kmpc_lite.run", 1
 ARRAYS = ("states", "path", "inputs", "plans", "step_times")
+SCAN_ARRAYS = ("scan_times", "scan_ranges", "scanner")
 
 
 def save_run(run: Run, path: Path) -> None:
@@ -149,3 +152,36 @@ def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Any]:
         if not (np.abs(checked[name]) <= LARGEST).all():
             raise ValueError(f"{name}: expected finite numbers of at most {LARGEST:g}")
     return checked
+
+
+def scans_to_arrays(scans: Sequence[tuple[float, LaserScan]]) -> dict[str, Array]:
+    """Arrays of scans of one scanner; none without scans.
+
+    They hold what counts: limits, ignored sectors and the robot itself are in the ranges already,
+    and a scanner that is mounted upside down is one that turns the other way.
+    """
+    if not scans:
+        return {}
+    first = scans[0][1]
+    sense = -1.0 if first.mirrored else 1.0
+    ranges = [told_ranges(scan) for _, scan in scans]
+    angles = sense * first.angle_min, sense * first.angle_increment
+    geometry = (*angles, first.range_max, *first.mount)
+    made = (np.array([time for time, _ in scans]), np.array(ranges, np.float32), np.array(geometry))
+    return dict(zip(SCAN_ARRAYS, made, strict=True))
+
+
+def scans_of(arrays: Mapping[str, Any]) -> tuple[tuple[float, LaserScan], ...]:
+    """Scans of what a file holds; ValueError for what `scans_to_arrays` does not write."""
+    if not set(SCAN_ARRAYS) <= arrays.keys():
+        return ()
+    times, ranges, scanner = (real_array(arrays[n], n, ScenarioError) for n in SCAN_ARRAYS)
+    if ranges.ndim != 2 or times.shape != (len(ranges),) or scanner.shape != (6,):
+        raise ValueError("scans: expected times (S,), ranges (S, B) and the scanner (6,)")
+    if not all(np.isfinite(part).all() for part in (times, ranges, scanner)):
+        raise ValueError("scans: expected finite numbers")
+    start, step, reach, *mount = scanner.tolist()
+    return tuple(
+        (time, LaserScan(row, start, step, reach, mount=mount))
+        for time, row in zip(times.tolist(), ranges_of(ranges), strict=True)
+    )

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.recording.drive.seen import scans_of, scans_to_arrays
 from kmpc_lab import Run, drive
 from kmpc_lab.sim.lidar import Lidar
+from kmpc_lab.sim.run_file import scans_of, scans_to_arrays
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.scenario.files import Scenario
 
