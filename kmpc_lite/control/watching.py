@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.innovation import Innovation
 from kmpc_lite.control.estimate.pose_filter import PoseEstimate, estimate
@@ -48,11 +50,13 @@ class Watching:
         # here, for importing the package has no need of them, and no step has time to
         from kmpc_lite.control.world.sight.scan_watch import ScanWatch
         from kmpc_lite.control.world.sight.sight import Sight
+        from kmpc_lite.control.world.sight.view import View
         from kmpc_lite.control.world.tracking import Tracking
 
         self._answers, self._dt = answers, units.dt
         self._innovation = Innovation(units, options.pose)
         self._sight = Sight(units, scale, options.sight, reach, kernels)
+        self._view = partial(View, self._sight)
         self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
         self._tracking = Tracking(units, options, kernels)
 
@@ -130,7 +134,5 @@ class Watching:
         moving = seen.things[seen.things[:, VELOCITY].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:
-            from kmpc_lite.control.world.sight.view import View
-
-            seen.view = View(self._sight, state.seen, seen.here)
+            seen.view = self._view(state.seen, seen.here)
             seen.nearby = seen.view.around(seen.nearby)

@@ -24,6 +24,11 @@ def table(title: str = "", /, **parts: Schema) -> Schema:
     return {**named, "type": "object", "properties": parts, "required": list(parts)}
 
 
+def numbers(names: str) -> dict[str, Schema]:
+    """Describe numbers by their names, parted by blanks."""
+    return dict.fromkeys(names.split(), NUMBER)
+
+
 def many(items: Schema) -> Schema:
     """Describe a list."""
     return {"type": "array", "items": items}
@@ -35,20 +40,14 @@ def either(schema: Schema) -> Schema:
 
 
 TIME = table(sec=INTEGER, nsec=INTEGER)
-VECTOR = table(x=NUMBER, y=NUMBER, z=NUMBER)
-QUATERNION = table(x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
+VECTOR = table(**numbers("x y z"))
+QUATERNION = table(**numbers("x y z w"))
 POSE = table(position=VECTOR, orientation=QUATERNION)
-COLOUR = table(r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
-CYLINDER = table(pose=POSE, size=VECTOR, bottom_scale=NUMBER, top_scale=NUMBER, color=COLOUR)
+COLOUR = table(**numbers("r g b a"))
+CYLINDER = table(pose=POSE, size=VECTOR, **numbers("bottom_scale top_scale"), color=COLOUR)
 CUBE = table(pose=POSE, size=VECTOR, color=COLOUR)
-ARROW = table(
-    pose=POSE,
-    shaft_length=NUMBER,
-    shaft_diameter=NUMBER,
-    head_length=NUMBER,
-    head_diameter=NUMBER,
-    color=COLOUR,
-)
+ARROW_SIZES = numbers("shaft_length shaft_diameter head_length head_diameter")
+ARROW = table(pose=POSE, **ARROW_SIZES, color=COLOUR)
 LINE = table(
     type=INTEGER,
     pose=POSE,
@@ -106,7 +105,7 @@ LOG = table(
     file=TEXT,
     line=INTEGER,
 )
-COMMAND = table("kmpc.Command", timestamp=TIME, v=NUMBER, omega=NUMBER)
+COMMAND = table("kmpc.Command", timestamp=TIME, **numbers("v omega"))
 STEP = table(
     "kmpc.Step",
     timestamp=TIME,
@@ -127,12 +126,7 @@ STEP = table(
 )
 OBSTACLES = table("kmpc.Obstacles", timestamp=TIME, circles=many(NUMBERS))
 GATE = table("kmpc.Gate", timestamp=TIME, state=TEXT, reasons=many(TEXT))
-HEALTH: Schema = {
-    "title": "kmpc.Health",
-    "type": "object",
-    "properties": {"timestamp": TIME},
-    "required": ["timestamp"],
-}
+HEALTH = table("kmpc.Health", timestamp=TIME)
 TOPICS = tuple(
     Topic(name, description["title"], description)
     for name, description in (
