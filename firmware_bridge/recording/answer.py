@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 from firmware_bridge.messages import STILL, Speeds, State
 
-
-@dataclass(frozen=True)
-class AnswerOptions:
-    """What is looked at, and what is believed."""
-
-    window: float = 1.0
-    """Time over which motion and commands are compared [s]: the pose's noise weighs little."""
-    longest: float = 2.0
-    """Latest answer that is looked for [s]."""
-    recent: float = 6.0
-    """Motion that lies longer ago is forgotten [s]."""
-    least: float = 1.0
-    """Commanded motion at the largest speed before anything is reported [s]."""
+WINDOW = 1.0
+"""Time over which motion and commands are compared [s]: the pose's noise weighs little."""
+LONGEST = 2.0
+"""Latest answer that is looked for [s]."""
+RECENT = 6.0
+"""Motion that lies longer ago is forgotten [s]."""
+LEAST = 1.0
+"""Commanded motion at the largest speed before anything is reported [s]."""
 
 
 class Answer(NamedTuple):
@@ -47,17 +41,12 @@ class AnswerMeter:
         Between two samples [s].
     largest : tuple
         Largest commanded speed [m/s], turn rate [rad/s], and speed to the left [m/s].
-    options : AnswerOptions, optional
-        What is believed.
     """
 
-    def __init__(
-        self, period: float, largest: Speeds, options: AnswerOptions | None = None
-    ) -> None:
-        self._options = AnswerOptions() if options is None else options
+    def __init__(self, period: float, largest: Speeds) -> None:
         self._period, self._largest = period, largest
-        self._lags = round(self._options.longest / period)
-        self._span = max(1, round(self._options.window / period))
+        self._lags = round(LONGEST / period)
+        self._span = max(1, round(WINDOW / period))
         self._first = self._span + self._lags
         self._told: deque[Speeds]
         self._done: deque[Speeds]
@@ -66,7 +55,7 @@ class AnswerMeter:
 
     def forget(self) -> None:
         """Begin anew with a robot that stands, after an interruption too."""
-        size = round(self._options.recent / self._period) + self._first + 1
+        size = round(RECENT / self._period) + self._first + 1
         still = [STILL] * (self._first + 1)
         self._told, self._done = deque(still, maxlen=size), deque(still, maxlen=size)
         self._last = None
@@ -105,7 +94,7 @@ class AnswerMeter:
         told = [row[which] for row in self._told]
         done = [row[which] for row in self._done]
         distance = sum(abs(b - a) for a, b in pairwise(told[self._first :]))
-        if distance < self._options.least * self._largest[which]:
+        if distance < LEAST * self._largest[which]:
             return None
         rows = range(self._first, len(told))
         moved = [done[k] - done[k - self._span] for k in rows]

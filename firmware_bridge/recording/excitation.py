@@ -6,7 +6,6 @@ import math
 import random
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from firmware_bridge.messages import STILL, ConfigError, Speeds, State, VelocityCommand
 from firmware_bridge.recording.ways import WAYS, Fastest, Place
@@ -17,32 +16,28 @@ SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Of v and omega, one scenario after the other (paper, sec. V.B)."""
 
 
-@dataclass(frozen=True)
-class ExcitationOptions:
-    """How random driving follows from a robot's limits and from how late it answers."""
-
-    first_delay: float = 0.4
-    """How late the robot is taken to answer until that is measured [s] ..."""
-    caution: float = 2.0
-    """... and by how much the measured delay is multiplied where the robot turns back."""
-    shortest_delay: float = 0.15
-    """Shortest delay that is reckoned with [s]: pose delay, control period, link."""
-    turn_gain: float = 2.0
-    """Turn rate towards the middle per heading error [1/s] ..."""
-    turn_share: float = 0.5
-    """... and largest product of it and the delay."""
-    dash: float = 0.6
-    """Share of a scenario after which the dash begins, if it has not by then."""
-    shortest: float = 15.0
-    """Length of a scenario [s], at least ..."""
-    holds: float = 30.0
-    """... and in holds ..."""
-    rounds: float = 1.5
-    """... unless all scenarios would not come so often within the recording."""
-    slowest: float = 0.25
-    """Share of the limits below which a fence is too small for the robot."""
-    spare: float = 1.2
-    """Room that is kept for turning back, as a multiple of what is needed."""
+FIRST_DELAY = 0.4
+"""How late the robot is taken to answer until that is measured [s] ..."""
+CAUTION = 2.0
+"""... and by how much the measured delay is multiplied where the robot turns back."""
+SHORTEST_DELAY = 0.15
+"""Shortest delay that is reckoned with [s]: pose delay, control period, link."""
+TURN_GAIN = 2.0
+"""Turn rate towards the middle per heading error [1/s] ..."""
+TURN_SHARE = 0.5
+"""... and largest product of it and the delay."""
+DASH = 0.6
+"""Share of a scenario after which the dash begins, if it has not by then."""
+SHORTEST = 15.0
+"""Length of a scenario [s], at least ..."""
+HOLDS = 30.0
+"""... and in holds ..."""
+ROUNDS = 1.5
+"""... unless all scenarios would not come so often within the recording."""
+SLOWEST = 0.25
+"""Share of the limits below which a fence is too small for the robot."""
+SPARE = 1.2
+"""Room that is kept for turning back, as a multiple of what is needed."""
 
 
 class Excitation:
@@ -70,8 +65,6 @@ class Excitation:
         How late the robot answers, as far as it was measured [s].
     manoeuvres : bool
         Whether there are dashes, stops and turns on the spot; without them all is the paper's.
-    options : ExcitationOptions, optional
-        How it follows from the robot.
     wheels : Wheels
         Of the robot: a car keeps to curves that it can be steered to, an omni drives sideways, too.
 
@@ -90,16 +83,14 @@ class Excitation:
         seed: int = 0,
         delay: Callable[[], float | None] = lambda: None,
         manoeuvres: bool = True,
-        options: ExcitationOptions | None = None,
         wheels: Wheels = TWO_SIDES,
     ) -> None:
-        self._options = ExcitationOptions() if options is None else options
         self._limits, self._given_hold, self._delay = limits, hold, delay
         self._ways = WAYS[wheels.kind](wheels)
         self._middle = ((fence[0] + fence[2]) / 2.0, (fence[1] + fence[3]) / 2.0)
         self._size = fence[2] - fence[0], fence[3] - fence[1]
         self._signs = SIGNS if limits.v_reverse > 0.0 else SIGNS[:2]
-        self._longest = seconds / (self._options.rounds * len(self._signs))
+        self._longest = seconds / (ROUNDS * len(self._signs))
         self._manoeuvres = manoeuvres
         self._random = random.Random(seed)
         self._scenario = -1
@@ -117,13 +108,13 @@ class Excitation:
     def reaction(self) -> float:
         """How long the robot goes on before it turns back, with room to spare [s]."""
         measured = self._delay()
-        delay = self._options.first_delay if measured is None else measured
-        return self._options.caution * max(delay, self._options.shortest_delay)
+        delay = FIRST_DELAY if measured is None else measured
+        return CAUTION * max(delay, SHORTEST_DELAY)
 
     @property
     def largest(self) -> Fastest:
         """Speeds that this fence allows."""
-        limits, room = self._limits, min(self._size) / (4.0 * self._options.spare)
+        limits, room = self._limits, min(self._size) / (4.0 * SPARE)
         room = max(0.0, room - self._ways.room)
         reaction, braking = self.reaction, limits.deceleration
         most = braking * (math.sqrt(reaction**2 + 2.0 * room / braking) - reaction)
@@ -136,7 +127,7 @@ class Excitation:
         """How long a random command is held in the mean [s]."""
         if self._given_hold is not None:
             return self._given_hold
-        return self.reaction / self._options.caution + 0.5 * self._ramp
+        return self.reaction / CAUTION + 0.5 * self._ramp
 
     @property
     def _ramp(self) -> float:
@@ -148,7 +139,7 @@ class Excitation:
         """Where it turns back: so far before the fence [m]."""
         fastest = max(self.largest[:2])
         ramp = max(fastest / self._limits.deceleration, self._turn_ramp)
-        return self._options.spare * (fastest * (self.reaction + 0.5 * ramp) + self._ways.room)
+        return SPARE * (fastest * (self.reaction + 0.5 * ramp) + self._ways.room)
 
     @property
     def _turn_ramp(self) -> float:
@@ -161,7 +152,7 @@ class Excitation:
     def _refuse_small(self) -> None:
         limits, allowed = self._limits, max(self.largest[:2])
         fastest = max(limits.v_max, limits.v_reverse)
-        if allowed < self._options.slowest * fastest:
+        if allowed < SLOWEST * fastest:
             width, height = self._size
             raise ConfigError(
                 f"geofence: {width:g} m x {height:g} m is too small to drive in at random at "
@@ -185,10 +176,10 @@ class Excitation:
         now = state.stamp
         if now >= self._scenario_ends:
             self._scenario = (self._scenario + 1) % len(self._signs)
-            length = max(self._options.shortest, self._options.holds * self.hold)
+            length = max(SHORTEST, HOLDS * self.hold)
             length = min(length, self._longest)
             self._scenario_ends = now + length
-            self._dash_at = now + self._options.dash * length if self._manoeuvres else math.inf
+            self._dash_at = now + DASH * length if self._manoeuvres else math.inf
         signs = self._signs[self._scenario]
         x, y = state.x - self._middle[0], state.y - self._middle[1]
         margin = self._margin()
@@ -202,8 +193,8 @@ class Excitation:
             self._queue.clear()
             place = Place(x, y, state.theta, half)
             gain = min(
-                self._options.turn_gain,
-                self._options.turn_share * self._options.caution / self.reaction,
+                TURN_GAIN,
+                TURN_SHARE * CAUTION / self.reaction,
             )
             v, omega, vy = self._ways.back(place, signs[0], self.largest, gain, not was)
             return VelocityCommand(v, omega, now, vy)
@@ -223,7 +214,7 @@ class Excitation:
     def _dash(self, signs: tuple[int, int]) -> None:
         """Full speed, a stop, and what else random commands hardly ever hold."""
         self._dash_at, fastest = math.inf, self.largest
-        delay, ramp = self.reaction / self._options.caution, self._ramp
+        delay, ramp = self.reaction / CAUTION, self._ramp
         rest = ramp + 2.0 * delay + 0.5
         shown = self._ways.shown(self._random, signs, fastest)
         self._queue.append(((signs[0] * fastest.to(signs[0]), 0.0, 0.0), ramp + 2.0 * delay))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from statistics import median
 
 from firmware_bridge.messages import STILL, Speeds, State
@@ -25,18 +24,14 @@ WAYS = {
 }
 
 
-@dataclass(frozen=True)
-class WatchOptions:
-    """When a robot counts as not following its commands."""
-
-    every: float = 1.0
-    """How often it is judged [s]."""
-    likeness: float = 0.7
-    """Correlation of motion and commands from which on the motion counts as an answer."""
-    moves: float = 0.05
-    """Smallest share of the commanded motion."""
-    remembered: int = 15
-    """Measured delays of which the median counts."""
+EVERY = 1.0
+"""How often it is judged [s]."""
+LIKENESS = 0.7
+"""Correlation of motion and commands from which on the motion counts as an answer."""
+MOVES = 0.05
+"""Smallest share of the commanded motion."""
+REMEMBERED = 15
+"""Measured delays of which the median counts."""
 
 
 class DriveWatch:
@@ -50,8 +45,6 @@ class DriveWatch:
         Largest commanded speeds.
     by_hand : bool
         Somebody else drives: the measured speeds stand in for the commands, and nothing is judged.
-    options : WatchOptions, optional
-        When a robot does not follow its commands.
     """
 
     def __init__(
@@ -59,13 +52,11 @@ class DriveWatch:
         period: float,
         limits: Limits,
         by_hand: bool = False,
-        options: WatchOptions | None = None,
     ) -> None:
-        self._options = WatchOptions() if options is None else options
         self._period, self._by_hand = period, by_hand
         largest = max(limits.v_max, limits.v_reverse), limits.omega_max, limits.sideways
         self._meter = AnswerMeter(period, largest)
-        self._delays: deque[float] = deque(maxlen=self._options.remembered)
+        self._delays: deque[float] = deque(maxlen=REMEMBERED)
         self._sum, self._since, self._last = STILL, 0.0, 0.0
         self._driving = False
         self._judged = -math.inf
@@ -100,7 +91,7 @@ class DriveWatch:
             self._meter.add(state, command)
             self.stretches[-1].append(command)
             self._sum, self._since = STILL, now
-        due = now - self._judged >= self._options.every
+        due = now - self._judged >= EVERY
         if due and not self._by_hand and not self.trouble:
             self._judged = now
             self.trouble = self._judge()
@@ -114,12 +105,11 @@ class DriveWatch:
 
     def _judge(self) -> str:
         """Say what is wrong, if anything is; a pose that stays is found by the gate's `Unmoved`."""
-        options = self._options
         speed, turn = self._meter.speed(), self._meter.turn()
         wrong = self._wrong(speed, "drive", "m") or self._wrong(turn, "turn", "rad")
         if wrong := wrong or self._wrong(self._meter.aside(), "drive sideways", "m"):
             return wrong
-        known = [a.delay for a in (speed, turn) if a is not None and a.likeness > options.likeness]
+        known = [a.delay for a in (speed, turn) if a is not None and a.likeness > LIKENESS]
         if known:
             self._delays.append(max(known))
         return ""
@@ -127,13 +117,13 @@ class DriveWatch:
     def _wrong(self, answer: Answer | None, verb: str, unit: str) -> str:
         if answer is None:
             return ""
-        if answer.likeness < -self._options.likeness and answer.gain < -self._options.moves:
+        if answer.likeness < -LIKENESS and answer.gain < -MOVES:
             ways = WAYS[verb]
             return (
                 f"commanded to {verb} {ways}, and vice versa, {-answer.gain:.2f} of the command: "
                 "motors exchanged or inverted, or a pose of another frame"
             )
-        moved = abs(answer.gain) * abs(answer.likeness) > self._options.moves
+        moved = abs(answer.gain) * abs(answer.likeness) > MOVES
         if self._meter.is_long and not moved:
             return (
                 f"commanded to {verb} {answer.told:.2g} {unit} recently, it hardly moved "

@@ -15,8 +15,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.pieces import Pieces
+from kmpc_lite.learn.dataset import Dataset, Pieces
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.model.koopman import KoopmanModel
@@ -33,8 +32,11 @@ BATCH = 4096
 """Windows handled at once."""
 
 
-def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> Array:
+def scores(model: KoopmanModel, held_out: Dataset) -> Array:
     """Largest Mahalanobis distance from the plan within each window of held-out driving.
+
+    Windows are as long as the tube remembers. They do not overlap, so that they are as independent
+    as the drives allow.
 
     Parameters
     ----------
@@ -42,9 +44,6 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
         Its noise model gives the ellipses.
     held_out : Dataset
         Drives that the model was not fitted to.
-    steps : int, optional
-        Length of a window [periods]: what the tube remembers if not given. Windows do not
-        overlap, so that they are as independent as the drives allow.
 
     Returns
     -------
@@ -62,9 +61,7 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
             f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: "
             "resample it"
         )
-    length = model.history
-    if steps is None:
-        steps = tube_memory(model)
+    length, steps = model.history, tube_memory(model)
     pieces = held_out.pieces(steps, length, stride=steps, chunk=BATCH)
     found = [_largest(model, part) for part in pieces]
     if not found:

@@ -29,7 +29,7 @@ from kmpc_lite.learn.responses import (
     first_candidates,
     neighbours,
 )
-from kmpc_lite.learn.stopping import DelayOptions, unmodelled_delay
+from kmpc_lite.learn.stopping import unmodelled_delay
 from kmpc_lite.learn.windows import Moments, Windows, moments, nominal_rows, squared_errors
 from kmpc_lite.types import INPUTS, Array
 
@@ -160,7 +160,7 @@ class Search:
             return chosen
         last = self.commands - 1
         axes = (last,) if which == HEADING else tuple(range(last))
-        delay = unmodelled_delay(self.log, DelayOptions(axes=axes))
+        delay = unmodelled_delay(self.log, axes)
         return Response(min(delay, self.windows.longest * self.log.dt), 0.0)
 
     def pair(self, which: int, one: AnyResponse, other: AnyResponse) -> Moments:

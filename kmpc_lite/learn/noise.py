@@ -83,12 +83,14 @@ STARTS = 6000
 ELLIPSE, ONE_SIDED = 5.991, 1.645
 """Squared radius of the ellipse that holds 95 % of a normal distribution in the plane, and the
 bound that 95 % of one on a line stay below."""
+AHEAD = 0.5
+"""How far ahead predictions are compared with what is expected of them [s]."""
 PASSES = 6
 """Passes of the weighted least squares."""
 
 
 def prediction_errors(
-    model: KoopmanModel, dataset: Dataset, seconds: float = LONGEST, most: int = STARTS
+    model: KoopmanModel, dataset: Dataset, seconds: float = LONGEST
 ) -> tuple[Array, Array]:
     """Errors of predictions after each period, in the robot's predicted frame, and their commands.
 
@@ -98,7 +100,7 @@ def prediction_errors(
         (n, T, 3) [m, m, rad] and (n, T, 2); n may be zero.
     """
     steps = max(2, round(seconds / dataset.dt))
-    x, before, future = dataset.every_piece(steps, model.history, most=most)
+    x, before, future = dataset.every_piece(steps, model.history, most=STARTS)
     if not len(x):
         return np.zeros((0, steps, STATES)), future
     predicted = model.rollout(x[:, 0], future, before)[:, 1:]
@@ -133,7 +135,7 @@ class NoiseCheck:
         )
 
 
-def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> NoiseCheck | None:
+def check_sources(model: KoopmanModel, held: Dataset) -> NoiseCheck | None:
     """Compare a model's noise sources with errors on drives that they were not fitted to.
 
     Parameters
@@ -142,20 +144,18 @@ def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> Noi
         With noise sources; without, None is returned, as when no drive is long enough.
     held : Dataset
         Drives that nothing was fitted to; their poses' own noise is accounted for.
-    ahead : float
-        How far ahead [s].
     """
-    errors, inputs = prediction_errors(model, held, 2.0 * ahead)
+    errors, inputs = prediction_errors(model, held, 2.0 * AHEAD)
     sources = None if model.noise_model is None else model.noise_model.sources
     if sources is None or not len(errors):
         return None
-    k = max(1, round(ahead / held.dt)) - 1
+    k = max(1, round(AHEAD / held.dt)) - 1
     position = errors[:, k, :2] ** 2
     expected = sources.open_loop(inputs, held.dt)[:, k, :2]
     straight = np.tile([1.0, 0.0], (k + 1, 1))
     alone = sources.open_loop(straight, held.dt, measured=False)[k, 1]
     return NoiseCheck(
-        ahead,
+        AHEAD,
         float(np.sqrt(position.sum(axis=1).mean())),
         float(np.sqrt(expected.sum(axis=1).mean())),
         float(((position / np.maximum(expected, 1e-18)).sum(axis=1) < ELLIPSE).mean()),

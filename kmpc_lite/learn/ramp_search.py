@@ -7,7 +7,6 @@ best, and has to explain more than none does, on parts of the log that it was no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -30,38 +29,34 @@ noise of the poses, any ramp explains a part."""
 FINE = 3
 """How many times as close as at first responses lie that need no ramp: none is to be taken for one
 because a lag lies between two of them."""
-MOST = 32
+MOST = 4
 """Pairs of ramps that are looked at at once: a matter of memory alone."""
 
 
-@dataclass(frozen=True)
-class RampOptions:
-    """How ramps are looked for."""
-
-    window: float = 0.5
-    """Length of the windows whose way is predicted [s]: longer than noise of poses matters."""
-    longest: float = 6.0
-    """Slowest ramp that is tried: time to the fastest command of the log [s]."""
-    step: float = 1.3
-    """Ratio of neighbouring ramps that are tried first."""
-    refined: float = 1.08
-    """The same for those that are tried around the best one."""
-    significance: float = 0.05
-    """Probability at which a ramp may be found that is none: driven more gently, nothing is lost; a
-    ramp that is missed is a stop that comes too late."""
-    worth: float = 0.05
-    """Share of the squared error that a ramp must explain at the least."""
-    blocks: int = 16
-    """Parts of the log that must agree."""
-    most_steps: int = 20_000
-    """Steps of the log that are looked at."""
+WINDOW = 0.5
+"""Length of the windows whose way is predicted [s]: longer than noise of poses matters."""
+LONGEST = 6.0
+"""Slowest ramp that is tried: time to the fastest command of the log [s]."""
+STEP = 1.3
+"""Ratio of neighbouring ramps that are tried first."""
+REFINED = 1.08
+"""The same for those that are tried around the best one."""
+SIGNIFICANCE = 0.05
+"""Probability at which a ramp may be found that is none: driven more gently, nothing is lost; a
+ramp that is missed is a stop that comes too late."""
+WORTH = 0.05
+"""Share of the squared error that a ramp must explain at the least."""
+BLOCKS = 16
+"""Parts of the log that must agree."""
+MOST_STEPS = 20_000
+"""Steps of the log that are looked at."""
 
 
-def follow(told: Array, faster: Array, slower: Array, dt: float) -> tuple[Array, Array]:
-    """Speeds that follow commanded ones (T,) by ramps (C,): means and ends (T, C) of periods."""
+def follow(told: Array, faster: Array, slower: Array, dt: float, at_ends: bool = False) -> Array:
+    """Speeds that follow commanded ones (T,) by ramps (C,): means of periods (T, C), or at ends."""
     speed = np.full(len(faster), told[0])
     up, down = faster * dt / PARTS, slower * dt / PARTS
-    means, ends = np.empty((2, len(told), len(faster)))
+    found = np.empty((len(told), len(faster)))
     for k, aim in enumerate(told.tolist()):
         total = 0.5 * speed
         for _ in range(PARTS):
@@ -69,8 +64,8 @@ def follow(told: Array, faster: Array, slower: Array, dt: float) -> tuple[Array,
             limit = np.where(grows & (aim * speed >= 0.0), up, down)
             speed = speed + np.minimum(np.maximum(aim - speed, -limit), limit)
             total = total + speed
-        means[k], ends[k] = (total - 0.5 * speed) / PARTS, speed
-    return means, ends
+        found[k] = speed if at_ends else (total - 0.5 * speed) / PARTS
+    return found
 
 
 class Stretch(NamedTuple):
@@ -89,7 +84,6 @@ def find_ramp(
     faster: Array,
     slower: Array,
     dt: float,
-    options: RampOptions,
     alike: bool = False,
 ) -> tuple[float, float]:
     """Find the pair of ramps (C,) that explains the motion; infinite if none is sure.
@@ -97,18 +91,18 @@ def find_ramp(
     Where the pairs are `alike`, those near the best one are tried with one ramp both ways, too.
     """
     none, limited = (np.array([FREE]),) * 2, (faster, slower)
-    free, _ = _errors(stretches, *none, dt, options, FINE)
-    errors, motion = _errors(stretches, *limited, dt, options)
+    free, _ = _errors(stretches, *none, dt, FINE)
+    errors, motion = _errors(stretches, *limited, dt)
     # by the best ramp: the commands of a robot that follows slowly explain little by themselves
     left = min(e.sum(axis=2).min(initial=np.inf) for e in (free, errors))
-    if errors.shape[2] < options.blocks // 2 or not left < (1.0 - EXPLAINED) * motion:
+    if errors.shape[2] < BLOCKS // 2 or not left < (1.0 - EXPLAINED) * motion:
         return FREE, FREE
-    if not is_sure(free, errors, options):
+    if not is_sure(free, errors):
         return FREE, FREE
-    best, around = _best(errors), options.refined ** np.arange(-3, 4)
+    best, around = _best(errors), REFINED ** np.arange(-3, 4)
     near = [v[best] * around if np.isfinite(v[best]) else v[[best]] for v in limited]
     faster, slower = near if alike else (a.ravel() for a in np.meshgrid(*near))
-    best = _best(_errors(stretches, faster, slower, dt, options)[0])
+    best = _best(_errors(stretches, faster, slower, dt)[0])
     return float(faster[best]), float(slower[best])
 
 
@@ -117,7 +111,6 @@ def _errors(
     faster: Array,
     slower: Array,
     dt: float,
-    options: RampOptions,
     parts: int = 1,
 ) -> tuple[Array, float]:
     """Squared errors (C, R, B) of ramps, with each of R responses, in each block of the log.
@@ -127,11 +120,11 @@ def _errors(
     """
     longest = SelectionOptions().longest_history(dt)
     kinds = responses(dt, longest, parts)
-    length = max(1, round(options.window / dt))
+    length = max(1, round(WINDOW / dt))
     used = [s for s in stretches if len(s.told) >= longest + 2 * length]
-    passed = [follow(s.told, faster, slower, dt)[0] for s in used]
+    passed = [follow(s.told, faster, slower, dt) for s in used]
     seen = np.concatenate([np.empty(0), *(_windows(s.moved[longest:], length) for s in used)])
-    blocks = min(options.blocks, len(seen) // 8)
+    blocks = min(BLOCKS, len(seen) // 8)
     found = np.zeros((len(faster), len(kinds), blocks))
     for some in (slice(k, k + MOST) for k in range(0, len(faster) if blocks else 0, MOST)):
         by_age = [
@@ -162,7 +155,7 @@ def _best(errors: Array) -> int:
     return int(errors.sum(axis=2).min(axis=1).argmin())
 
 
-def is_sure(free: Array, limited: Array, options: RampOptions) -> bool:
+def is_sure(free: Array, limited: Array) -> bool:
     """Whether ramps (C, R, B) explain more than none (1, R, B), beyond chance, and enough.
 
     What is compared on a part of the log was chosen on the others.
@@ -175,9 +168,9 @@ def is_sure(free: Array, limited: Array, options: RampOptions) -> bool:
             out = folds == fold
             honest[kind, out] = flat[int(flat[:, ~out].sum(axis=1).argmin())][out]
     reference, errors = honest
-    if errors.sum() > (1.0 - options.worth) * reference.sum():
+    if errors.sum() > (1.0 - WORTH) * reference.sum():
         return False
-    return gain_score(reference, errors) > critical_score(blocks, options.significance)
+    return gain_score(reference, errors) > critical_score(blocks, SIGNIFICANCE)
 
 
 def responses(dt: float, longest: int, parts: int) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
-from kmpc_lite.learn.ramp_search import RampOptions, Stretch, find_ramp, follow
+from kmpc_lite.learn.ramp_search import LONGEST, MOST_STEPS, STEP, Stretch, find_ramp, follow
 from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.dictionary.response import driven_by_ramps
@@ -32,7 +32,7 @@ AT_ONCE = 0.3
 are as short are driven as well by a lag."""
 
 
-def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
+def find_ramps(dataset: Dataset) -> Ramps:
     """Find the ramps of speed and turn rate that a log shows beyond chance.
 
     All pairs of ramps, away from zero and towards it, are compared with none, each with the dead
@@ -45,13 +45,12 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
     >>> find_ramps(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0)).limit
     False
     """
-    options = RampOptions() if options is None else options
     found = np.full((len(Ramps._fields), dataset.commands), FREE)
     # a car's turn rate follows its speed, and its steering has a rate of its own
     for axis in range(1 if dataset.steered else dataset.commands):
-        found[:, axis] = _find(dataset, axis, options)
+        found[:, axis] = _find(dataset, axis)
     if dataset.steered:
-        found[:, 1] = find_steering_rate(dataset, options)
+        found[:, 1] = find_steering_rate(dataset)
     return Ramps(*found)
 
 
@@ -62,7 +61,7 @@ def shown_changes(dataset: Dataset) -> Ramps:
     log starts, or stops, too rarely to tell; and where it does so more slowly than any ramp that is
     looked for, for a robot that is limited to that hardly moves.
     """
-    found, longest = np.full((len(Ramps._fields), dataset.commands), FREE), RampOptions.longest
+    found = np.full((len(Ramps._fields), dataset.commands), FREE)
     for axis in range(dataset.commands):
         commands = [
             held_curvatures(e.inputs) if axis and e.steered else e.inputs[:, axis]
@@ -74,7 +73,7 @@ def shown_changes(dataset: Dataset) -> Ramps:
             if len(rates) < STARTS:
                 continue
             shown = float(np.sort(rates)[-STARTS])
-            if fastest / longest <= shown < fastest / AT_ONCE:
+            if fastest / LONGEST <= shown < fastest / AT_ONCE:
                 found[side, axis] = shown
     return Ramps(*found)
 
@@ -124,58 +123,57 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
         if episode.steered:  # its wheels stay steered while it rolls
             asked = np.stack([asked[0], held_curvatures(episode.inputs)])
         pairs = zip(asked, ramps.faster[:, None], ramps.slower[:, None], strict=True)
-        columns = [follow(told, up, down, episode.dt)[1] for told, up, down in pairs]
+        columns = [follow(told, up, down, episode.dt, True) for told, up, down in pairs]
         if episode.steered:
             columns[1] = columns[0] * columns[1]
         episodes.append(replace(episode, inputs=np.concatenate(columns, axis=1)))
     return Dataset(episodes)
 
 
-def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, float]:
+def _find(dataset: Dataset, axis: int) -> tuple[float, float]:
     """Ramps away from zero and towards it of one command; infinite if none is sure."""
     stretches = [
         Stretch(e.inputs[:, axis], e.moved[:, axis], np.full(len(e), e.dt))
-        for e in _shortened(dataset, options)
+        for e in _shortened(dataset)
     ]
     commands = [s.told for s in stretches]
     changes = _changes(commands, dataset.dt)
-    tried = np.append(_rates(commands, changes.max(initial=0.0), options), FREE)
+    tried = np.append(_rates(commands, changes.max(initial=0.0)), FREE)
     if len(tried) == 1:
         return FREE, FREE
     faster, slower = (a.ravel() for a in np.meshgrid(tried, tried))
     limited = np.isfinite(faster) | np.isfinite(slower)
-    found = find_ramp(stretches, faster[limited], slower[limited], dataset.dt, options)
+    found = find_ramp(stretches, faster[limited], slower[limited], dataset.dt)
     asked = (_starts(commands, dataset.dt, back) for back in (False, True))
     shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
     return found if any(shows) else (FREE, FREE)
 
 
-def find_steering_rate(dataset: Dataset, options: RampOptions | None = None) -> float:
+def find_steering_rate(dataset: Dataset) -> float:
     """Find how fast the curvature of a car changes [1/m per second]; infinite if none is sure.
 
     A servo turns at a rate of its own: the larger a change, the longer it takes. Taken for a lag it
     would be too late for small changes, which it follows at once, and too early for large ones.
     Turns are predicted from the ways that were driven: how the speed follows does not matter.
     """
-    options = RampOptions() if options is None else options
     stretches = [
         Stretch(held_curvatures(e.inputs), e.moved[:, -1], e.moved[:, 0])
-        for e in _shortened(dataset, options)
+        for e in _shortened(dataset)
     ]
     commands = [s.told for s in stretches]
     changes = np.sort(_changes(commands, dataset.dt))
     most = float(changes[-STARTS]) if len(changes) >= STARTS else 0.0
-    rates = _rates(commands, most, options)
+    rates = _rates(commands, most)
     if not len(rates):
         return FREE
-    found, _ = find_ramp(stretches, rates, rates, dataset.dt, options, alike=True)
+    found, _ = find_ramp(stretches, rates, rates, dataset.dt, alike=True)
     return found if found < most else FREE
 
 
-def _shortened(dataset: Dataset, options: RampOptions) -> list[Episode]:
+def _shortened(dataset: Dataset) -> list[Episode]:
     """Episodes until there are as many steps as are looked at."""
     before = np.cumsum([0, *(len(e) for e in dataset.episodes[:-1])])
-    return [e for e, n in zip(dataset.episodes, before, strict=True) if n < options.most_steps]
+    return [e for e, n in zip(dataset.episodes, before, strict=True) if n < MOST_STEPS]
 
 
 def _changes(commands: list[Array], dt: float) -> Array:
@@ -183,9 +181,9 @@ def _changes(commands: list[Array], dt: float) -> Array:
     return np.concatenate([np.abs(np.diff(told)) for told in commands]) / dt
 
 
-def _rates(commands: list[Array], most: float, options: RampOptions) -> Array:
+def _rates(commands: list[Array], most: float) -> Array:
     """Ramps that are tried first, (n,): those that take the longest, to the fastest change."""
-    least = max(float(np.abs(told).max()) for told in commands) / options.longest
+    least = max(float(np.abs(told).max()) for told in commands) / LONGEST
     if not most > least > 0.0:
         return np.empty(0)
-    return least * options.step ** np.arange(int(np.log(most / least) / np.log(options.step)) + 1)
+    return least * STEP ** np.arange(int(np.log(most / least) / np.log(STEP)) + 1)

@@ -11,6 +11,7 @@ instead.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
@@ -22,36 +23,33 @@ from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-
-@dataclass(frozen=True)
-class DelayOptions:
-    """How a delay is looked for."""
-
-    longest: float = 1.0
-    """[s]."""
-    most_periods: int = 12
-    """The same in periods."""
-    parts: int = 4
-    """Delays that are tried in a period."""
-    blocks: int = 16
-    """Parts of the log that must agree."""
-    sure: float = 3.0
-    """Standard errors by which a delay must explain more than none."""
-    most_steps: int = 40_000
-    """Steps of the log that are looked at."""
-    axes: tuple[int, ...] | None = None
-    """Which numbers of a command are looked at; all if not given."""
+LONGEST = 1.0
+"""Longest delay that is looked for [s] ..."""
+MOST_PERIODS = 12
+"""... and in periods."""
+PARTS = 4
+"""Delays that are tried in a period."""
+BLOCKS = 16
+"""Parts of the log that must agree."""
+SURE_DELAY = 3.0
+"""Standard errors by which a delay must explain more than none."""
+MOST_STEPS = 40_000
+"""Steps of the log that are looked at."""
 
 
-def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> float:
+def unmodelled_delay(
+    dataset: Dataset, axes: Sequence[int] | None = None, sure: float = SURE_DELAY
+) -> float:
     """Mean delay of speed and turn rate behind their commands [s]; zero if none is sure.
 
     Parameters
     ----------
     dataset : Dataset
         Evenly sampled episodes.
-    options : DelayOptions, optional
-        How it is looked for.
+    axes : sequence of int, optional
+        Which numbers of a command are looked at; all if not given.
+    sure : float
+        Standard errors by which a delay must explain more than none.
 
     Examples
     --------
@@ -59,25 +57,24 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
     >>> unmodelled_delay(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0))
     0.0
     """
-    options = DelayOptions() if options is None else options
     # a delay costs each episode its first rows
     spare = int(np.median([len(episode) for episode in dataset.episodes])) // 4
-    lags = min(options.most_periods, round(options.longest / dataset.dt), spare)
+    lags = min(MOST_PERIODS, round(LONGEST / dataset.dt), spare)
     if lags < 1:
         return 0.0
-    asked, moved = _rows(dataset, lags, 1, options.most_steps)
-    if len(moved) < 4 * options.blocks:
+    asked, moved = _rows(dataset, lags, 1, MOST_STEPS)
+    if len(moved) < 4 * BLOCKS:
         return 0.0
-    axes = list(range(dataset.commands) if options.axes is None else options.axes)
+    axes = list(range(dataset.commands) if axes is None else axes)
     asked, moved = asked[..., axes], moved[:, axes]
-    tried = np.arange(options.parts * lags + 1) / options.parts
-    errors = np.stack([_errors(asked, moved, delay, options.blocks) for delay in tried])
+    tried = np.arange(PARTS * lags + 1) / PARTS
+    errors = np.stack([_errors(asked, moved, delay, BLOCKS) for delay in tried])
     gain = errors[0] - errors[int(errors.sum(axis=1).argmin())]
     spread = float(gain.std(ddof=1)) / len(gain) ** 0.5
-    if not gain.mean() > options.sure * spread:
+    if not gain.mean() > sure * spread:
         return 0.0
     # slowly changing motion shows the mean of an answer that is drawn out
-    asked, moved = _rows(dataset, lags, lags, options.most_steps)
+    asked, moved = _rows(dataset, lags, lags, MOST_STEPS)
     asked, moved = asked[..., axes], moved[:, axes]
     left = [float(_errors(asked, moved, delay, 1)[0]) for delay in tried]
     return dataset.dt * float(tried[int(np.argmin(left))])
@@ -276,4 +273,4 @@ def _delay(model: KoopmanModel, log: Dataset) -> float:
     """
     response = model.info.get("response")
     known = float(sum(response["speed"])) if isinstance(response, dict) else 0.0
-    return known or unmodelled_delay(log, DelayOptions(sure=0.0, axes=(0,)))
+    return known or unmodelled_delay(log, (0,), sure=0.0)

@@ -20,6 +20,9 @@ from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.dictionary.terms import evaluate_terms, terms_of
 from kmpc_lite.types import INPUTS, Array
 
+MOST_BLOCKS = 64
+"""Blocks that a log is cut into at most."""
+
 
 class Rows(NamedTuple):
     """Response of the robot to each of its terms: the three rows of a symmetric generator."""
@@ -92,7 +95,7 @@ class Moments(NamedTuple):
     """Of [W, turn], (B, T + 1, T + 1)."""
 
 
-def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int = 64) -> Windows:
+def cut(dataset: Dataset, longest: int, length: int, seconds: float) -> Windows:
     """Cut a log into blocks of at least `seconds`.
 
     Parameters
@@ -104,10 +107,8 @@ def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int =
     length : int
         Periods of a window.
     seconds : float
-        Length of a block [s], at least that of a window; an episode's remainder joins its last
-        stretch.
-    most : int
-        Blocks at most: those of a long log are longer.
+        Length of a block [s], at least that of a window, longer in a long log; an episode's
+        remainder joins its last stretch.
     """
     size = max(length + 1, round(seconds / dataset.dt))
     stretches = []
@@ -121,7 +122,7 @@ def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int =
                 (episode.states[start : stop + 1], episode.inputs[start - longest : stop])
             )
             start = stop
-    together = -(-len(stretches) // most) if stretches else 1
+    together = -(-len(stretches) // MOST_BLOCKS) if stretches else 1
     parts = [stretches[k : k + together] for k in range(0, len(stretches), together)]
     steered = dataset.steered
     blocks = tuple(_block(part, length, longest, dataset.dt, steered) for part in parts)

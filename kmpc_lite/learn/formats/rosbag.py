@@ -26,6 +26,8 @@ TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 POSE_TYPES = (ODOMETRY, POSE, POSE_COVARIANCE, *TF)
 """In the order in which they are preferred."""
 COMMAND_TYPES = (TWIST, TWIST_STAMPED, *STEERED)
+LOOK = 2000
+"""Messages of TF in which the robot's frame must stand."""
 TELLING = 5000
 """Messages between two looks at the progress."""
 OTHER = {
@@ -183,11 +185,11 @@ def _listed(topics: list[Topic]) -> str:
     return ", ".join(short(n) for n in names[:5]) + more if names else "none"
 
 
-def _with_frames(path: Path, wanted: Wanted, reader: Any, decode: Any, look: int = 2000) -> Wanted:
+def _with_frames(path: Path, wanted: Wanted, reader: Any, decode: Any) -> Wanted:
     """Find the transform that carries the robot in the first messages of TF."""
     pairs: dict[tuple[str, str], int] = {}
     for n, (_, _, raw) in enumerate(reader.messages(_connections(reader, wanted))):
-        if n >= look:
+        if n >= LOOK:
             break
         for transform in decode(raw, wanted.kind).transforms:
             pair = transform.header.frame_id.strip("/"), transform.child_frame_id.strip("/")

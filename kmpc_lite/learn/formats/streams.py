@@ -150,6 +150,8 @@ def counted_topics(kind: str, counts: Mapping[str, int], time: Array) -> list[To
     ]
 
 
+NEAR = 0.5
+"""Positions farther from the next heading are left out [s]."""
 EARTH = 6_378_137.0
 """Radius at the equator [m]."""
 
@@ -175,7 +177,7 @@ def _held(time: Array, rows: Array) -> Array:
     return values
 
 
-def with_heading(positions: Array, headings: Array, longest: float = 0.5) -> Array:
+def with_heading(positions: Array, headings: Array) -> Array:
     """Rows (n, 4) of time, x, y and a heading that is interpolated from messages of its own.
 
     Parameters
@@ -184,15 +186,13 @@ def with_heading(positions: Array, headings: Array, longest: float = 0.5) -> Arr
         Time [s], x and y [m], (n, 3).
     headings : ndarray
         Time [s] and heading [rad], (k, 2), two at least.
-    longest : float
-        Positions farther from the next heading are left out [s].
     """
     time = positions[:, 0]
     known = headings[:, 0]
     after = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
     near = np.minimum(np.abs(known[after - 1] - time), np.abs(known[after] - time))
     turned = np.interp(time, known, np.unwrap(headings[:, 1]))
-    kept: Array = np.column_stack([positions, turned])[near <= longest]
+    kept: Array = np.column_stack([positions, turned])[near <= NEAR]
     return kept
 
 
