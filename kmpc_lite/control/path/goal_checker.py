@@ -166,7 +166,7 @@ def holds(
     rest : ndarray
         The same of the pose at which the robot would stand if it braked now.
     stalled : bool
-        Whether the robot does not get nearer: it has arrived where it would not leave again.
+        Whether the robot gets no nearer: it has arrived where it would not leave again.
     """
     if not state.holding:
         state.holding = _has_arrived(error, tolerances, stalled) and (

@@ -204,13 +204,11 @@ class Guide:
         state.place = place = limit(state.place, path.drive_end)
         usual = now.capabilities.tolerances
         moving, tolerances = now.moving, content_with(usual, state.progress.stalls)
-        hold = holds(
-            state.goal_checker,
-            tolerances,
-            now.error,
-            now.rest_error,
-            state.progress.stalls > 0,
-        ) and (moving is None or moving.spares(now.pose))
+        # a car that has come to rest at the end of its path gets no nearer but by changes of gear
+        ended = path.duration - place <= self._dt and abs(now.speed) <= STANDS
+        stalled = state.progress.stalls > 0 or (ended and not self._wheels.turns_on_the_spot)
+        hold = holds(state.goal_checker, tolerances, now.error, now.rest_error, stalled)
+        hold = hold and (moving is None or moving.spares(now.pose))
         scale = 1.0 if moving is None else moving.speed_scale(path, place)
         if moving is not None and scale is None:
             begins = state.evasive_arc
