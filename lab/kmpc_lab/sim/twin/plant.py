@@ -106,9 +106,8 @@ class Twin:
             raise ScenarioError("twin: expected obstacles that stand still, got one that moves")
         self.ground = Ground() if ground is None else ground
         patches = [(p.x, p.y, p.radius) for p in self.ground.patches]
-        self.model = self._mujoco.MjModel.from_xml_string(
-            write_mjcf(self.vehicle, circles, bounds, goal, patches)
-        )
+        xml = write_mjcf(self.vehicle, circles, bounds, goal, patches)
+        self.model = self._mujoco.MjModel.from_xml_string(xml)
         self.data = self._mujoco.MjData(self.model)
         self._step = float(self.model.opt.timestep)
         self._vary(seed)
@@ -122,8 +121,7 @@ class Twin:
         self._obstacles = [self.model.geom(f"obstacle{i}").id for i in range(len(circles))]
         self._turns_wheel = np.array(self.vehicle.motors)
         self.target: Array = np.zeros(self._motors)
-        """Speeds asked for of the motors [rad/s]; of four wheels front left, front right, rear
-        left, rear right."""
+        """Asked of the motors [rad/s]; of four: front left, front right, rear left, rear right."""
         self.time = 0.0
         """Since the beginning [s]; a robot that is put down elsewhere does not turn it back."""
         self.touched: float | None = None
@@ -148,9 +146,8 @@ class Twin:
         body = self.model.body("robot").id
         self.model.body_ipos[body, :2] += WEIGHT_SPREAD * random.normal(size=2)
         for name in self.vehicle.tyres:
-            self.model.geom(name).size[[0, 2]] *= 1.0 + TYRE_SPREAD * float(
-                np.clip(random.normal(), -3.0, 3.0)
-            )
+            drawn = min(max(random.normal(), -3.0), 3.0)
+            self.model.geom(name).size[[0, 2]] *= 1.0 + TYRE_SPREAD * drawn
 
     def place(self, x: float, y: float, theta: float) -> None:
         """Put the robot down, standing: [m], [m], [rad]."""
@@ -159,11 +156,9 @@ class Twin:
         self.data.qpos[:7] = x, y, radius, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
         self.target[:] = 0.0
         self._asked_angle = self._angle = 0.0
-        self._ramped, self._filtered = np.zeros(self._motors), np.zeros(self._motors)
-        self._integral = np.zeros(self._motors)
+        self._ramped, self._filtered, self._integral = np.zeros((3, self._motors))
         self._floors: list[Floor | None] = [None] * len(self._tyres)
-        self._count = 0
-        self._heading = math.remainder(theta, math.tau)
+        self._count, self._heading = 0, math.remainder(theta, math.tau)
         self._turns = theta - self._heading
         for _ in range(WARM_UP):
             self._advance_one()
@@ -205,14 +200,12 @@ class Twin:
     def _of_wheels(self, axles: Array) -> Array:
         """Means over the motors that turn a wheel, from values of the axles."""
         wheels = self._turns_wheel
-        out: Array = np.bincount(wheels, self._by_axles @ axles) / np.bincount(wheels)
-        return out
+        return np.asarray(np.bincount(wheels, self._by_axles @ axles) / np.bincount(wheels))
 
     def command(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Ask for v, omega and an omni's v_y [m/s, rad/s], as if its wheels did not slip."""
         if car := self.vehicle.car:
-            before = math.tan(self._asked_angle) / car.wheelbase
-            self.steer(car.angle(car.steer(v, omega, before)))
+            self.steer(car.angle(car.steer(v, omega, math.tan(self._asked_angle) / car.wheelbase)))
         self.turn_wheels(*self.vehicle.geometry.wheels(v, omega, vy))
 
     def turn_wheels(self, *speeds: float) -> None:
@@ -236,16 +229,15 @@ class Twin:
 
     def step(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """State (3,) after a period of dt [s] with the command u (m,)."""
-        end: Array = self.trace(x, u, dt, 1)[0]
-        return end
+        return np.asarray(self.trace(x, u, dt, 1)[0])
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, 3)."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        inputs = INPUTS + isinstance(self.vehicle.geometry, OmniGeometry)
-        if state.shape != (STATES,) or command.shape != (inputs,):
+        shapes = (STATES,), (INPUTS + isinstance(self.vehicle.geometry, OmniGeometry),)
+        if (state.shape, command.shape) != shapes:
             raise ValueError(
-                f"expected one state ({STATES},) and one command ({inputs},), "
+                f"expected one state {shapes[0]} and one command {shapes[1]}, "
                 f"got {state.shape} and {command.shape}"
             )
         if not np.allclose(state, self._last, rtol=0.0, atol=1e-9):
@@ -286,11 +278,8 @@ class Twin:
         for i, floor in enumerate(self.ground.under(positions, self.time)):
             if floor is not self._floors[i]:
                 self._floors[i] = floor
-                self.model.pair_friction[i, :3] = (
-                    floor.sliding,
-                    floor.sliding,
-                    floor.sliding * floor.patch_radius,
-                )
+                self.model.pair_friction[i, :2] = floor.sliding
+                self.model.pair_friction[i, 2] = floor.sliding * floor.patch_radius
                 self.model.dof_frictionloss[self._axle_v[self._axle_of[i]]] = floor.rolling
 
     def _watch(self) -> None:
