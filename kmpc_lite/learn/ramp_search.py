@@ -36,7 +36,8 @@ MOST = 4
 WINDOW = 0.5
 """Length of the windows whose way is predicted [s]: longer than noise of poses matters."""
 LONGEST = 6.0
-"""Slowest ramp that is tried: time to the fastest command of the log [s]."""
+"""Slowest ramp that is tried: time to the fastest command of the log [s]; slower ones are, too,
+where a log drives in one direction for longer than its robot comes to speed by them."""
 STEP = 1.3
 """Ratio of neighbouring ramps that are tried first."""
 REFINED = 1.08

@@ -14,7 +14,15 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
-from kmpc_lite.learn.ramp_search import LONGEST, MOST_STEPS, STEP, Stretch, find_ramp, follow
+from kmpc_lite.learn.ramp_search import (
+    LONGEST,
+    MOST_STEPS,
+    STEP,
+    WINDOW,
+    Stretch,
+    find_ramp,
+    follow,
+)
 from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.dictionary.response import driven_by_ramps
@@ -138,7 +146,8 @@ def _find(dataset: Dataset, axis: int) -> tuple[float, float]:
     ]
     commands = [s.told for s in stretches]
     changes = _changes(commands, dataset.dt)
-    tried = np.append(_rates(commands, changes.max(initial=0.0)), FREE)
+    least = _slowest(stretches, dataset.dt)
+    tried = np.append(_rates(commands, changes.max(initial=0.0), least), FREE)
     if len(tried) == 1:
         return FREE, FREE
     faster, slower = (a.ravel() for a in np.meshgrid(tried, tried))
@@ -181,9 +190,30 @@ def _changes(commands: list[Array], dt: float) -> Array:
     return np.concatenate([np.abs(np.diff(told)) for told in commands]) / dt
 
 
-def _rates(commands: list[Array], most: float) -> Array:
-    """Ramps that are tried first, (n,): those that take the longest, to the fastest change."""
-    least = max(float(np.abs(told).max()) for told in commands) / LONGEST
-    if not most > least > 0.0:
+def _slowest(stretches: list[Stretch], dt: float) -> float:
+    """Slowest ramp by which a robot may have come to the speed that it shows.
+
+    Within the longest time for which it was commanded in one direction.
+    """
+    length, fastest, longest = max(1, round(WINDOW / dt)), 0.0, 1
+    for stretch in stretches:
+        sums = np.cumsum(np.insert(stretch.moved, 0, 0.0))
+        shown = np.abs(sums[length:] - sums[:-length]) / (length * dt)
+        fastest = max(fastest, float(shown.max(initial=0.0)))
+        turns = np.flatnonzero(np.diff(np.sign(stretch.told)))
+        ends = np.concatenate([[-1], turns, [len(stretch.told) - 1]])
+        longest = max(longest, int(np.diff(ends).max()))
+    return fastest / (longest * dt) if fastest > 0.0 else FREE
+
+
+def _rates(commands: list[Array], most: float, slowest: float = FREE) -> Array:
+    """Ramps that are tried first, (n,): those that take the longest, to the fastest change.
+
+    Slower ones are tried down to the slowest that a log can show.
+    """
+    usual = max(float(np.abs(told).max()) for told in commands) / LONGEST
+    if not most > usual > 0.0:
         return np.empty(0)
-    return least * STEP ** np.arange(int(np.log(most / least) / np.log(STEP)) + 1)
+    slower = np.ceil(np.log(max(usual / slowest, 1.0)) / np.log(STEP))
+    faster = int(np.log(most / usual) / np.log(STEP))
+    return usual * STEP ** np.arange(-slower, faster + 1)

@@ -71,6 +71,14 @@ def test_ramps_are_found_in_a_log_of_driving_by_hand(log: Dataset) -> None:
     np.testing.assert_allclose(found.slower, RAMPS.slower, rtol=0.15)
 
 
+def test_ramps_of_more_than_ten_seconds_are_found() -> None:
+    """If a log drives on for so long: no constant tells how slow a robot may be."""
+    slow = Ramps(np.array((0.08, 2.0)), np.array((0.08, 2.0)))
+    found = find_ramps(drive_by_hand(slow, seconds=240.0))
+    np.testing.assert_allclose(found.faster, slow.faster, rtol=0.15)
+    np.testing.assert_allclose(found.slower, slow.slower, rtol=0.15)
+
+
 @pytest.mark.parametrize("lag", [0.02, 0.3, 0.5])
 def test_a_lag_is_no_ramp(lag: float) -> None:
     assert not find_ramps(drive_by_hand(NONE, lag)).limit
