@@ -1,8 +1,10 @@
 """What is steered for in a step: along the guide's path, or the goal itself.
 
-A robot that answers late goes on for a while as earlier commands told it. What is decided now acts
-after that: its path is looked up from there, not from where it is. A reference from where it is
-would lie behind what the robot can do, and ask it to make up for that at full speed.
+A robot that answers late goes on for a while as earlier commands, and the last plan, told it. What
+is decided now acts after that: its path is looked up from there, not from where it is. A reference
+from where it is would lie behind what the robot can do, and ask it to make up for that at full
+speed; one from where it would come to if nothing followed would make a slow robot of one whose
+motors lag.
 """
 
 from __future__ import annotations
@@ -70,8 +72,11 @@ class Guiding:
         late, things = known.capabilities.late, seen.things
         led = seen.here[None]
         if late:
-            nothing_more = np.zeros((late, known.model.inputs))
-            led = known.model.rollout(seen.here, nothing_more, state.history.commands)
+            going_on = np.zeros((late, known.model.inputs))
+            if state.trajectory is not None:
+                planned = state.trajectory.inputs[1 : late + 1]
+                going_on[: len(planned)] = planned
+            led = known.model.rollout(seen.here, going_on, state.history.commands)
         here = led[-1]
         if late:
             things = later(things, late * self._dt)

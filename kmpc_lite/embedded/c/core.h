@@ -48,15 +48,16 @@ void kmpc_model_predict(const real *states, const real *window, int count, real 
 void kmpc_model_rollout(const real *here, const real *past, const real *commands, int count,
                         int periods, real *states);
 
-/* path.c: what a path asks of a plan, of a robot at a pose that was sent past commands */
+/* path.c: what a path asks of a plan, of a robot at a pose that was sent past commands; NULL, or
+   the N - 1 that were planned next */
 struct kmpc_way {
     int holds;                         /* whether the robot is to stand: it has arrived */
     real reference[3 * (KMPC_N + 1)];  /* states to steer for */
     real clearance[KMPC_N];            /* that the path keeps at stages 1 to N */
     real share_at_goal;                /* of these stages whose reference is at the goal */
 };
-void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past, int things,
-                      const real *thing, struct kmpc_way *way);
+void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past,
+                      const real *coming, int things, const real *thing, struct kmpc_way *way);
 
 /* solve.c: at most `most` passes, at least `least` */
 real kmpc_clip(real value, real least, real most);

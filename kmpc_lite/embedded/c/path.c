@@ -168,12 +168,12 @@ static void begin_last_turn(struct kmpc_path *path, const real *error, const rea
         path->turning = (far > at_rest ? far : at_rest) <= K.turn_distance;
 }
 
-void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past, int things,
-                      const real *thing, struct kmpc_way *way)
+void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past,
+                      const real *coming, int things, const real *thing, struct kmpc_way *way)
 {
     static real led[3 * (KMPC_L + 1)], states[3 * (KMPC_N + 1)], later[KMPC_N + 1];
     real error[3], rest[3], found[2];
-    kmpc_model_rollout(pose, past, NULL, 0, K.late, led);
+    kmpc_model_rollout(pose, past, coming, coming ? KMPC_N - 1 : 0, K.late, led);
     const real *here = led + 3 * K.late, *goal = path->pose[path->count - 1];
     for (int i = 0; i < 3; i++)
         error[i] = here[i] - goal[i];

@@ -317,7 +317,8 @@ void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_p
         return;
     }
     if (robot->path.count)
-        kmpc_follow_path(&robot->path, seen.pose, robot->past[0], seen.things, seen.thing, &way);
+        kmpc_follow_path(&robot->path, seen.pose, robot->past[0],
+                         robot->planned ? robot->inputs[1] : NULL, seen.things, seen.thing, &way);
     else
         towards_goal(robot, &seen, &way);
     if (way.holds) {
