@@ -230,7 +230,9 @@ def _car() -> Vehicle:
     drives = f"""  <tendon>
     <fixed name="axle"><joint joint="rl" coef="0.5"/><joint joint="rr" coef="0.5"/></fixed>
     <!-- its oil: without springs a wheel may hang in the air, and would take all of the torque -->
-    <fixed name="oil" damping="0.02"><joint joint="rl" coef="1"/><joint joint="rr" coef="-1"/></fixed>
+    <fixed name="oil" damping="0.02">
+      <joint joint="rl" coef="1"/><joint joint="rr" coef="-1"/>
+    </fixed>
   </tendon>
   <actuator>
     <velocity name="axle" tendon="axle" kv="0.5" forcerange="-4 4"/>{steering}
