@@ -1,7 +1,5 @@
 """The browser that tests of pages drive does what they ask of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What README, pages and examples say is run, as it stands there; where they lead exists."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -3,8 +3,6 @@
 Ruff holds the others: lines of 100 columns, functions of 12 branches.
 """
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

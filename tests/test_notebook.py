@@ -1,7 +1,5 @@
 """The notebook of the examples runs from top to bottom, and ends in a number and a picture."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

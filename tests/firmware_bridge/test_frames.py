@@ -1,7 +1,5 @@
 """NED and ENU."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

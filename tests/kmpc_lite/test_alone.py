@@ -1,7 +1,5 @@
 """The robot's distribution alone: its wheel is built and installed without the lab, and drives."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

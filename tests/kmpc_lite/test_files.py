@@ -1,7 +1,5 @@
 """Archives are distrusted, and files are written whole, into no other's place."""
 
-from __future__ import annotations
-
 import io
 import os
 import stat

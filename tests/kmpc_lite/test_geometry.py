@@ -1,7 +1,5 @@
 """What must hold of angles, rotations, arcs and distances, for scalars and arrays alike."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ The corpus is made here; mutants of valid files are read by `tests/helpers/reade
 each time, KMPC_MUTANTS of them where that is set, and a million in the long run.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """The package as a whole: its public names, and what importing it brings along."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import subprocess

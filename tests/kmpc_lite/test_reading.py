@@ -1,7 +1,5 @@
 """Files of strangers are read in bounded time and memory, or refused in one line."""
 
-from __future__ import annotations
-
 import errno
 import os
 import time

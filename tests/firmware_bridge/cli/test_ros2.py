@@ -1,7 +1,5 @@
 """`kmpc ros2` refuses what is wrong on its command line in one line, before anything is opened."""
 
-from __future__ import annotations
-
 import pytest
 
 from kmpc_lite.cli import extras

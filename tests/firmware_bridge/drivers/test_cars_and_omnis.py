@@ -28,12 +28,6 @@ ROBOTS = {
     "arduino car": ("arduino", "car", CAR, COUNTS),
     "arduino mecanum": ("arduino", "omni", MECANUM, COUNTS),
     "arduino three": ("arduino", "omni", {**SIZES, "arm": 0.15}, COUNTS),
-    "arduino four": (
-        "arduino",
-        "omni",
-        {**SIZES, "arm": 0.15, "count": 4},
-        COUNTS,
-    ),
     "roboclaw pair": ("roboclaw", "omni", MECANUM, COUNTS),
     "odrive pair": ("odrive", "omni", MECANUM, SLOW),
     "roboteq pair": ("roboteq", "omni", MECANUM, COUNTS),
@@ -107,7 +101,7 @@ def test_an_omni_drives_to_the_left_and_knows_where_it_is(robot, name):
     assert y > 0.12 and abs(x) < 0.02 and abs(theta) < 0.05
     state = driver.state()
     assert (state.x, state.y, state.theta) == pytest.approx((x, y, theta), abs=0.01)
-    drive(driver, emulator, (0.2, 0.8, -0.1), 0.4)
+    drive(driver, emulator, (0.2, 0.8, -0.1), 0.25)
     (x, y, theta), state = emulator.pose, driver.state()
     assert (state.x, state.y, state.theta) == pytest.approx((x, y, theta), abs=0.02)
     assert driver.health().ready and driver.health().faults == ()

@@ -1,7 +1,5 @@
 """Questions and answers: a reply that comes late is our own, many that come unasked are not."""
 
-from __future__ import annotations
-
 import pytest
 
 from firmware_bridge.drivers.polled.exchange import STRANGERS, Exchange, NoReply

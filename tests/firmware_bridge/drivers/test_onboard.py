@@ -1,7 +1,5 @@
 """A robot without Linux: its program in QEMU, two serial lines, a simulated robot, and a host."""
 
-from __future__ import annotations
-
 import math
 import shutil
 import socket

@@ -1,7 +1,5 @@
 """Unmodified public clients arm the emulated rover, switch it to GUIDED, drive it and stop it."""
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import os

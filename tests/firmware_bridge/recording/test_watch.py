@@ -50,7 +50,6 @@ def test_what_it_does_wrong_is_reported_before_it_has_gone_far(robot, words, sec
         {"gains": (1.3, 1.2)},
     ],
 )
-@pytest.mark.parametrize("seed", range(3))
-def test_a_robot_that_obeys_late_or_by_half_is_not_accused(robot, seed):
-    simulated = drive(seed=seed, **robot)
+def test_a_robot_that_obeys_late_or_by_half_is_not_accused(robot):
+    simulated = drive(seed=0, **robot)
     assert simulated.trouble == "" and simulated.state.stamp > 59.0

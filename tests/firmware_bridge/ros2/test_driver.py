@@ -1,7 +1,5 @@
 """Drives whose only link are ROS 2 topics: real bytes over a real session, on a clock of ours."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

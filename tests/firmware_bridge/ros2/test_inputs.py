@@ -1,7 +1,5 @@
 """Poses and goals of messages: in which frame, how old, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Maps of messages: their updates and frames, and what is no map."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Names on the wire, compared with those of an independent client of the protocol."""
 
-from __future__ import annotations
-
 import pytest
 
 from firmware_bridge.messages import ConfigError

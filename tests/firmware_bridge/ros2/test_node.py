@@ -1,7 +1,5 @@
 """A node on a real network, beside an independent client of the protocol."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The node for rclpy in examples/ros2, on a stub of rclpy with the real message definitions."""
 
-from __future__ import annotations
-
 import ast
 import math
 import runpy

@@ -1,7 +1,5 @@
 """Scans of messages: where the scanner is mounted, how old they are, and what is no scan."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the planner tells the controller of the past period: the mean of what was on the wire."""
 
-from __future__ import annotations
-
 import pytest
 from robots import Clock, FakeDriver
 

@@ -1,7 +1,5 @@
 """Boards side by side: what `kmpc bench --json` wrote is read back, and nothing else is."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`kmpc bench --lidar` and `--against`: what is timed and printed; never how long it takes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What `kmpc bench` is asked for, and which options go with it; never how long anything takes."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from typing import Any

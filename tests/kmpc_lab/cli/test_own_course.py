@@ -1,7 +1,5 @@
 """The demo on a log of one's own: map, speeds and time limit are those of its robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

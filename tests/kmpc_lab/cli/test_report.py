@@ -1,7 +1,5 @@
 """`kmpc report`: a page or pictures of a run that was kept."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenarios of a command line: by name, by file, or drawn from a goal and obstacles."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

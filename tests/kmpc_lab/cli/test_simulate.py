@@ -1,7 +1,5 @@
 """`kmpc simulate`: it drives, keeps the run, and says why a robot did not arrive."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`kmpc demo` on a simulated robot, and on a log of one's own."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`kmpc study table1`: its table, and what it needs."""
 
-from __future__ import annotations
-
 import json
 import sys
 from functools import partial

@@ -1,7 +1,5 @@
 """Faster, closer, smoother: each option changes the drive as its name says, or is refused."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

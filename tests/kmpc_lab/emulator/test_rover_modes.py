@@ -1,7 +1,5 @@
 """Modes, arming and failsafes of the emulated rover."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The emulated rover moves as the real one was measured to."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

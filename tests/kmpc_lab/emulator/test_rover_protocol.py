@@ -1,7 +1,5 @@
 """Whatever else a ground station says to the emulated rover is answered as the protocol says."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What the emulated rover makes of set-points: masks, frames, signs, limits and the time-out."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

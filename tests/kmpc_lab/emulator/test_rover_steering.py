@@ -1,7 +1,5 @@
 """An emulated rover with steered wheels turns as the real firmware's does (`--model rover`)."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import replace

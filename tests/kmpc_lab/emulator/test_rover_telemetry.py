@@ -1,7 +1,5 @@
 """What the emulated rover tells of itself, and poses that it is fed with."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The acados peer says what it lacks, and where it is installed, solves the same problem."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 from typing import Any

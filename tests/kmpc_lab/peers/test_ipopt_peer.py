@@ -3,8 +3,6 @@
 The same predictions, constraints kept, the same promises of `step`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

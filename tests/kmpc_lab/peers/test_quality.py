@@ -3,8 +3,6 @@
 The same minimum, and words for states if there is none to compare.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

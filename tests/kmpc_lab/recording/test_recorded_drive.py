@@ -1,7 +1,5 @@
 """A simulated drive as MCAP: read back as the same run, shown, and learned from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page plays a drive: on a desk and on a phone, with keys, and for screen readers."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace

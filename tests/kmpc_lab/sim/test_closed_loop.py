@@ -1,7 +1,5 @@
 """How a drive is judged: arrival, collision to the sub-sample, time-out."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -2,8 +2,6 @@
 drives it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

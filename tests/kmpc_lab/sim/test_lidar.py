@@ -1,7 +1,5 @@
 """The simulated lidar: rays against dense samples of what they meet."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Runs as files: what is read is what was written, and nothing else is taken for a run."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields
 from pathlib import Path

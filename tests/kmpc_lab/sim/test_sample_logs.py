@@ -1,7 +1,5 @@
 """Logs to try things with are read, and tell of the robot that was simulated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

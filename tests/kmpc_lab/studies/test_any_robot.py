@@ -1,7 +1,5 @@
 """Robots that nobody has tuned it for arrive, and the study would see it if they did not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cars and omnis that nobody has tuned it for: drawn, recognised in their logs, and driven."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

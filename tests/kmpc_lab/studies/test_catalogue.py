@@ -1,7 +1,5 @@
 """The studies by name, and the controllers that are chosen for them."""
 
-from __future__ import annotations
-
 import pytest
 
 import kmpc_lite as kl

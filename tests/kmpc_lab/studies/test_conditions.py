@@ -1,7 +1,5 @@
 """Conditions that a study drives its maps in: robots that lag, and floors that change."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

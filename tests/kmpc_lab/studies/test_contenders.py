@@ -1,7 +1,5 @@
 """One way to say which controller to build, for studies and benchmarks alike."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """What runs a study: rows are the same whatever does, and a killed worker loses nothing."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

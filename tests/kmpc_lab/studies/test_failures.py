@@ -1,7 +1,5 @@
 """Failures of a study are files by which they can be driven again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -2,8 +2,6 @@
 not be.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from executors import Inline

@@ -1,7 +1,5 @@
 """The study of learning: what it says of one robot of each kind, and how it says it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import kmpc_lite as kl

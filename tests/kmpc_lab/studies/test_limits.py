@@ -1,7 +1,5 @@
 """`kmpc study limits`: fields, ideal times, the law of sight, and one drive of a row."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cars park, scenes are as they say, and the study would see it if something was touched."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The study over random maps: complete, resumable, and its numbers those of the drives."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A plant made from a log errs as the log did, and the study drives it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of a study: kept line by line, read back, and never added to by mistake."""
 
-from __future__ import annotations
-
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

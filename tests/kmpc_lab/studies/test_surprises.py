@@ -1,7 +1,5 @@
 """Short versions of ``kmpc study pedestrians`` and ``kmpc study jumps``, and how they count."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from executors import Inline

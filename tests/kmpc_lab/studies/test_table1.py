@@ -1,7 +1,5 @@
 """Table 1: the right cells from any executor, and the paper's figures beside them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

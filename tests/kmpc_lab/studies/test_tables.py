@@ -1,7 +1,5 @@
 """Tables of a study: what is counted, compared, and how sure that is."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

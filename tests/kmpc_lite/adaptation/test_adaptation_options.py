@@ -1,7 +1,5 @@
 """What the options of adaptation mean for the paper's robot, on both sides of each number."""
 
-from __future__ import annotations
-
 import pytest
 
 from kmpc_lite.adaptation.adapted_model import refuse

@@ -3,8 +3,6 @@
 Kmpc says it in one line, ends with status 2, and writes nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

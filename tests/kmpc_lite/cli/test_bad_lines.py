@@ -1,7 +1,5 @@
 """One line with status 2 for whatever is wrong on a command line, and nothing is left behind."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

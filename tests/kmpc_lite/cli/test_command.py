@@ -1,7 +1,5 @@
 """Commands are found, loaded only when asked for, and what is nearly right is suggested."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

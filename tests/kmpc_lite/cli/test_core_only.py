@@ -1,7 +1,5 @@
 """Without its extras kmpc says at once which one is missing, in one line, and writes nothing."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

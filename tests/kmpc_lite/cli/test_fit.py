@@ -1,7 +1,5 @@
 """`kmpc fit`: what it chooses if nothing is said, what it tells, what it refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`kmpc inspect`: what is in a log, in words, as JSON, and as a picture."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """kmpc as a program: its status, its streams, and Ctrl-C."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Progress is drawn on a terminal only, and no time left is told before it can be known."""
 
-from __future__ import annotations
-
 import sys
 import threading
 

@@ -1,7 +1,5 @@
 """Sixty wrong logs: one line, exit status 2, and nothing is written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

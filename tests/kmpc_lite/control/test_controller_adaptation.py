@@ -3,8 +3,6 @@
 Where the floor contradicts it, and nowhere else.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

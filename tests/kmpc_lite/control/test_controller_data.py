@@ -1,7 +1,5 @@
 """What a step takes and gives: obstacles, arrays of the caller's own, and the clearance."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

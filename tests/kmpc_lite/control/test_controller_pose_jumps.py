@@ -1,7 +1,5 @@
 """A pose that jumps stops the robot until poses agree again, and nothing is learned from it."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Callable

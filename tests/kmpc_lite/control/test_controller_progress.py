@@ -1,7 +1,5 @@
 """A plan tells what the robot does about its goal."""
 
-from __future__ import annotations
-
 import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.plan import GoalProgress

@@ -1,7 +1,5 @@
 """Whatever comes, what goes out is a command that is safe to send."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 it should be.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from exact_drives import MODEL, PAPER, Drive

@@ -1,7 +1,5 @@
 """The controller among polygons, walls and grids: drives, and what must never be raised."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

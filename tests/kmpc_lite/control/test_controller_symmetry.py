@@ -3,8 +3,6 @@
 Turns of 2 pi, where the origin lies, which side is called left, what was driven before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Who was told to stand and walks is noticed, and driven past as he walks."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Weights that a user gives are honoured in every mode; those not given suit the mode."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a robot stops before where a step is refused: all that it sees in that step."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

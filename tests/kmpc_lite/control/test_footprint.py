@@ -1,7 +1,5 @@
 """Footprints: what is read, what covers them, and what a problem makes of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

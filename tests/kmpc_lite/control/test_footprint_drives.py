@@ -1,7 +1,5 @@
 """Drives of robots that are not round, judged outline to outline."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

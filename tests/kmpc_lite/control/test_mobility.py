@@ -1,7 +1,5 @@
 """A robot that cannot move is refused when its controller is made; one that stands tells why."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

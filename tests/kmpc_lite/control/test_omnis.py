@@ -1,7 +1,5 @@
 """Omnis: commands of three numbers, through every phase of a step and every fallback."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -3,8 +3,6 @@
 A good one is what the paper says.
 """
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError, replace
 from typing import Any
 

@@ -3,8 +3,6 @@
 Whatever comes, no command is farther from the one before it than allowed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The same problem, scaled, gives the same drive: to the last bit for powers of two."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

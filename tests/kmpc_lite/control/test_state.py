@@ -1,7 +1,5 @@
 """State is data: a controller copies, pickles and is taken back, in the middle of any drive."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -3,8 +3,6 @@
 Times are those of the processor, with bounds that only work without a bound misses.
 """
 
-from __future__ import annotations
-
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator

@@ -3,8 +3,6 @@
 KMPC_STEPS of them where that is set, some hundreds each time, a million in the long run.
 """
 
-from __future__ import annotations
-
 import os
 import time
 import warnings

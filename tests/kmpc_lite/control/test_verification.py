@@ -1,7 +1,5 @@
 """What becomes of a plan that the model contradicts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

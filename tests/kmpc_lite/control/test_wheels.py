@@ -1,7 +1,5 @@
 """Wheels that saturate together: |v| + track / 2 |omega| <= max_wheel_speed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

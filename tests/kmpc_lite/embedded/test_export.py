@@ -1,7 +1,5 @@
 """An exported controller: the same answers as Python's, whatever comes in; honest refusals."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

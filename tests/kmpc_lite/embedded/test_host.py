@@ -1,7 +1,5 @@
 """A robot with a host: messages and their twin in Python, how long they hold, what breaks them."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -2,8 +2,6 @@
 it is cut.
 """
 
-from __future__ import annotations
-
 import pickle
 from typing import Any
 

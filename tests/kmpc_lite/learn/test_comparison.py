@@ -1,7 +1,5 @@
 """A model is compared with the nominal robot on a drive: better, worse, alike, or not told yet."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a log shows of a robot's ways of driving, and what is said of what it lacks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Streams of different rates: aligned by time, cut where either is missing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from foreign_logs import drive

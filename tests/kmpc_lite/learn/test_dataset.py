@@ -1,7 +1,5 @@
 """Episodes and datasets: checked, saved, split, never differenced across a gap."""
 
-from __future__ import annotations
-
 import csv
 import os
 from pathlib import Path

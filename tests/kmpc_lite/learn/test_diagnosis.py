@@ -1,7 +1,5 @@
 """What is told of a log: frames that are wrong, what it does not show, what its columns are."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Held-out errors: what a known fault must show, in which column, and from how many starts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

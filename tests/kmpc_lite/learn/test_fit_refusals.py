@@ -1,7 +1,5 @@
 """Data that cannot determine a model, and what no fit can use."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

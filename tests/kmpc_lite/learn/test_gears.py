@@ -1,7 +1,5 @@
 """Gains that differ forward and backward, wheels that are not straight, tyres that understeer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 13 drawn anew every period.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Commands of given ages: how much of each acts, and that a model of them leads where it should."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

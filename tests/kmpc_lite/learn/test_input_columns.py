@@ -1,7 +1,5 @@
 """Whether a log's input columns are commands or measured speeds, told by how they change."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

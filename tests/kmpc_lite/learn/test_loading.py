@@ -1,7 +1,5 @@
 """Both doors to a log, the command's and the function's, check what comes in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The residual covariance: what made the noise is found again, and every covariance is one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The sources of a model's errors: found again in a log, and true of held-out errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

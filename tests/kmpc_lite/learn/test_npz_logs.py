@@ -1,7 +1,5 @@
 """Logs as npz archives: what is wrong is said with file, row and array."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

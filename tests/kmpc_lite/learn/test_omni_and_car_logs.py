@@ -1,7 +1,5 @@
 """Logs of omnis and cars: what they are learned as, and how that drives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from helpers import foreign_logs
@@ -189,7 +187,7 @@ def test_saved_logs_of_cars_and_omnis_are_learned_to_the_same_model(tmp_path, en
         log.save(tmp_path / (name + ending))
         again = kl.Dataset.load(tmp_path / (name + ending))
         assert again.steered == log.steered and again.commands == log.commands
-        ours, theirs = (kl.fit(d, lags="auto", noise=False) for d in (log, again))
+        ours, theirs = (kl.fit(d, noise=False) for d in (log, again))
         assert ours.dictionary.config() == theirs.dictionary.config()
         np.testing.assert_array_equal(ours.H, theirs.H)
 

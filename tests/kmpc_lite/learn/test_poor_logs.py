@@ -1,7 +1,5 @@
 """Short and poor logs: a lag is found early, and what they do not show is not held against them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a model file says of its making, and what logs say of their vehicle."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robots that change their speeds by ramps: found in their logs, and driven by them."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 The paper's pseudoinverse, and the system that made the data.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

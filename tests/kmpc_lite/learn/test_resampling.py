@@ -1,7 +1,5 @@
 """Drives are cut and resampled without losing a step."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What `lags="auto"` chooses: the robot that made the log, nothing if it shows nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

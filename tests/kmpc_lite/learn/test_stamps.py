@@ -1,7 +1,5 @@
 """Stamps of a busy recorder, and stamps that tell when a pose was measured."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How fast wheels are steered is found in a car's log, and so is the wheelbase of a slow servo."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

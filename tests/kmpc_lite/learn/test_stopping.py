@@ -1,7 +1,5 @@
 """How a robot stops: never told better than its log shows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The fit that knows space: the constrained least squares, exact recovery, and what it refuses."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

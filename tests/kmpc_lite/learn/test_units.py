@@ -1,7 +1,5 @@
 """Units and frames as a user names them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

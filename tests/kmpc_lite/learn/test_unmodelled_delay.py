@@ -1,7 +1,5 @@
 """How late a robot answers, where its model does not know it."""
 
-from __future__ import annotations
-
 import pytest
 
 import kmpc_lite as kl

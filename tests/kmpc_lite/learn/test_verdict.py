@@ -1,7 +1,5 @@
 """The first line of `kmpc fit`: whether the model is worth driving with, and what is missing."""
 
-from __future__ import annotations
-
 import pytest
 
 from kmpc_lite.learn.evaluation import FitReport

@@ -1,7 +1,5 @@
 """The closed form of a symmetric model is its bilinear form, and no other model has one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

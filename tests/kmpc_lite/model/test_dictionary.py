@@ -1,7 +1,5 @@
 """Dictionaries: Jacobians against finite differences, batches, names, configurations."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The bilinear model: prediction, rollout and linearisation agree, at any period."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wrong shapes and matrices of a model are refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

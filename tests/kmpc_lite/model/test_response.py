@@ -1,7 +1,5 @@
 """Filtered commands and slip terms: exact derivatives, silence at rest, files that keep them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

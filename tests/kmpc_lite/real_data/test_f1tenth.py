@@ -1,7 +1,5 @@
 """A real car: what a fit on two drives says about another one, and about all five."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Real skid-steer robots: what a fit on one half of a log says about the other half."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Footprints in scenario files."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Polygons, walls and grids in scenario files, in drives and on pictures."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from pathlib import Path

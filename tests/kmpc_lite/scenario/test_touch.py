@@ -1,7 +1,5 @@
 """The truth about touching: outline to outline."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree

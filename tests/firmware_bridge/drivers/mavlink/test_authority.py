@@ -1,7 +1,5 @@
 """Who has the robot: taken only when asked, never from a pilot, given back until confirmed."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """TIMESYNC and time_boot_ms."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """Acknowledgement, retry, and telemetry requests that take less where more is denied."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from firmware_bridge.drivers.mavlink.commands import (

@@ -1,7 +1,5 @@
 """A driver that cannot connect says what a user can do."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Callable

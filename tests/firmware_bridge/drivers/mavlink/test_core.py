@@ -1,7 +1,5 @@
 """The driver against the emulated rover, on a clock of the tests' own."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The driver as the bridge uses it: threads, real ports, real time."""
 
-from __future__ import annotations
-
 import math
 import socket
 import time

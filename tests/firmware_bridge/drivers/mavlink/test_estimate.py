@@ -1,7 +1,5 @@
 """When the driver trusts the pose that the vehicle tells, and when it does not."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

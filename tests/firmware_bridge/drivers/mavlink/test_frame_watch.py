@@ -1,7 +1,5 @@
 """After a restart of the autopilot, or another origin, nothing moves until somebody has looked."""
 
-from __future__ import annotations
-
 from mavlink_rig import Rig
 
 

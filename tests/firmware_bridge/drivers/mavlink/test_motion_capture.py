@@ -1,7 +1,5 @@
 """Poses from outside through the vehicle's filter: what is fed, refused, and how old it is."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Signed links as on the firmware: clocks that disagree, first frames that are refused."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Texts of the autopilot: whole ones out of chunks, and why it does not arm."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 from mavlink_rig import Rig

@@ -1,7 +1,5 @@
 """Telemetry that another station lowers is asked for again, and told."""
 
-from __future__ import annotations
-
 from mavlink_rig import Rig, dialect, other
 
 from firmware_bridge.drivers.mavlink.commands import CommandDesk

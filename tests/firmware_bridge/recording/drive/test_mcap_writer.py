@@ -1,7 +1,5 @@
 """MCAP files: an independent reader takes them, ours takes what a power cut has left."""
 
-from __future__ import annotations
-
 import json
 import struct
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Messages of a recorded drive are of Foxglove's kinds, and as their schemas say."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from io import BytesIO

@@ -1,7 +1,5 @@
 """Random maps: drawn again alike, within the area, and with the passage that they promise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from paths import quickest_paths

@@ -1,7 +1,5 @@
 """Plants: the paper's slipping robot, and one that behaves as a learned model does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

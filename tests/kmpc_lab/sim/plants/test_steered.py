@@ -1,7 +1,5 @@
 """Simulated cars and omnis, by scenario files: what `kmpc simulate` drives."""
 
-from __future__ import annotations
-
 import pytest
 
 import kmpc_lite as kl

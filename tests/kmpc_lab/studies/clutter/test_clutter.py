@@ -1,7 +1,5 @@
 """The study of clutter: its worlds, the public files, its metric and its drivers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

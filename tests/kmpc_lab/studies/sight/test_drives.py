@@ -1,7 +1,5 @@
 """The study of sight: its worlds, its account of what was seen, and its counts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

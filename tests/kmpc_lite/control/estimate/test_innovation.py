@@ -1,7 +1,5 @@
 """Errors that a model did not expect widen the margins at once; those it expected do not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

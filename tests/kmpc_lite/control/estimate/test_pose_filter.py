@@ -1,7 +1,5 @@
 """Between noisy poses and what is predicted lies a better pose, and it is as sure as it says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which poses count as jumps for the paper's robot, looked at on both sides of each limit."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Where things are, and when, against a brute-force look at dense points of their edges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

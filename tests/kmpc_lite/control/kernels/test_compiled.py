@@ -1,7 +1,5 @@
 """The kernels in C against those of NumPy: on what drives ask, on random and on hostile arrays."""
 
-from __future__ import annotations
-
 import pickle
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Curves of Reeds and Shepp: they lead where they must, and are as short as known ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

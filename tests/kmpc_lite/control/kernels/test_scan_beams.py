@@ -1,7 +1,5 @@
 """Ranges of neighbouring beams, averaged over one surface."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

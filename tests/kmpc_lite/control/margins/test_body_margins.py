@@ -1,7 +1,5 @@
 """Margins of a robot that is not round: its ends swing."""
 
-from __future__ import annotations
-
 import numpy as np
 from wary import slipping
 

@@ -1,7 +1,5 @@
 """Margins against the same numbers worked out naively, and what they must be for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How many standard deviations a risk asks for: looked up, extended, and refused where damaged."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

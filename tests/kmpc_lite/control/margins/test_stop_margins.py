@@ -1,7 +1,5 @@
 """Commands that could end in an obstacle are slowed, and no others."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

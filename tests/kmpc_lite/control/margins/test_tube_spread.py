@@ -1,7 +1,5 @@
 """The spread of plans against the same sums written out, and against what calibration expects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

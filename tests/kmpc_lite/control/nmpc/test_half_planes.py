@@ -1,7 +1,5 @@
 """Obstacles and sides of the area as half-planes, in position and in a footprint's heading."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import kmpc_lite as kl

@@ -1,7 +1,5 @@
 """Every way in which OSQP is known to answer wrongly."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

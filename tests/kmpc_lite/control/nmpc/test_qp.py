@@ -1,7 +1,5 @@
 """The sparse QP against the same QP written down naively, stage by stage, from its definition."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Every installed QP solver solves the controller's QPs as OSQP does, and drives the robot."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Options of the solver, and when passes end."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

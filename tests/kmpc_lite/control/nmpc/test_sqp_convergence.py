@@ -1,7 +1,5 @@
 """To convergence: Karush-Kuhn-Tucker points of the nonlinear problem, as good as IPOPT's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

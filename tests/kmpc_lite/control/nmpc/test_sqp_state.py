@@ -1,7 +1,5 @@
 """What outlives a step copies and pickles, and rooms that are told a copy go on to the same bit."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """Options know their units: what they refuse, and which of them grow with the robot."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any
 

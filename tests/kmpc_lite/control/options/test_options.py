@@ -1,7 +1,5 @@
 """Options are checked one by one, and told by their names where they are wrong."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Paths that a robot that is not round fits on."""
 
-from __future__ import annotations
-
 import numpy as np
 from guided import GuideInUse
 

@@ -1,7 +1,5 @@
 """Ways are timed by what the robot can do, in either gear."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths of any wheels: exact ends, curvature within the wheels', and the outline kept clear."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

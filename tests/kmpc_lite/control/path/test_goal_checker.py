@@ -1,7 +1,5 @@
 """Standing still at the goal, and getting there from anywhere nearby with any heading."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -11,7 +9,7 @@ from guided import GuidedController
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
-from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
+from kmpc_lab.sim.plants.lag import LaggingDrive
 from kmpc_lite.control.options import GoalOptions, lengths_from_radii
 from kmpc_lite.control.path import goal_checker
 from kmpc_lite.control.path.goal_checker import (
@@ -194,46 +192,6 @@ def test_what_cannot_be_reached_more_closely_is_held_and_reported() -> None:
     assert step < 900 and away < 0.06
 
 
-def test_each_tolerance_is_widened_by_its_number_of_standard_deviations() -> None:
-    """Poses that err by 2 cm and 80 mrad, of which 0.6 cm and 24 mrad are quiet."""
-    wide, quiet = sizes(goal_tolerances(noisy(0.02, 0.08), OPTIONS)), sizes(QUIET)
-    beyond = {
-        name: round((wide[name] - quiet[name]) / (0.056 if name.endswith("angle") else 0.014), 3)
-        for name in wide
-    }
-    assert beyond == {
-        "turn_distance": 1.0,
-        "turn_limit": 3.5,
-        "enter_distance": 1.0,
-        "enter_angle": 1.0,
-        "leave_distance": 2.5,
-        "leave_angle": 1.5,
-        "pushed_distance": 4.0,
-        "pushed_angle": 4.5,
-        "off_path": 3.0,
-    }
-
-
-@pytest.mark.parametrize(
-    ("period", "weight"), [(0.02, 0.04), (0.05, 0.1), (0.1, 0.2), (0.2, 0.2), (1.0, 0.2)]
-)
-def test_a_push_is_forgotten_in_half_a_second_or_with_five_poses(
-    period: float, weight: float
-) -> None:
-    goal = Goal(kl.nominal_unicycle(period))
-    assert goal.holds(np.zeros(3))
-    means = []
-    for push in (0.04, 0.0, 0.0, 0.0):
-        goal.holds(np.array([push, 0.0, 0.0]))
-        means.append(goal.state.mean_error[0])
-    np.testing.assert_allclose(means, 0.04 * weight * (1.0 - weight) ** np.arange(4))
-
-
-def test_a_memory_of_less_than_a_period_is_the_newest_pose_alone() -> None:
-    short = replace(OPTIONS, averaging_time=0.05)
-    assert goal_tolerances(kl.nominal_unicycle(0.1), short).averaging == 1.0
-
-
 def test_tolerances_grow_with_the_robot() -> None:
     twice = goal_tolerances(kl.nominal_unicycle(0.1), lengths_from_radii(GoalOptions(), 0.3))
     assert twice.enter_distance == pytest.approx(2.0 * QUIET.enter_distance)
@@ -279,7 +237,7 @@ def park(
     return error, np.array(commands), controller.holding
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_any_start_any_heading_ends_at_rest_in_the_pose(
     learned: kl.KoopmanModel, seed: int
 ) -> None:
@@ -288,68 +246,3 @@ def test_any_start_any_heading_ends_at_rest_in_the_pose(
     # at rest for good: no dithering
     first = holding.index(True)
     assert first < 150 and all(holding[first:]) and not commands[first:].any()
-
-
-@pytest.mark.parametrize("du_max", [(1.0, 4.0), (0.5, 2.0)])
-@pytest.mark.parametrize("seed", range(3))
-def test_with_limited_changes_it_parks_too(
-    learned: kl.KoopmanModel, seed: int, du_max: tuple[float, float]
-) -> None:
-    error, commands, holding = park(learned, seed, slip=0.05, du_max=du_max)
-    assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
-    first = holding.index(True)
-    # the command may take some periods to zero, and then stays there
-    assert first < 150 and all(holding[first:]) and not commands[first + 5 :].any()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("slip", [0.0, 0.1, 0.2])
-def test_parking_at_every_slip(slip: float) -> None:
-    model = kl.fit(
-        kmpc_lab.generate_dataset(
-            kmpc_lab.DifferentialDrive(slip, seed=1), episodes=100, steps=100, seed=2
-        )
-    )
-    for seed in range(40):
-        error, commands, holding = park(model, 100 + seed, slip)
-        assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
-        assert holding[-1] and not commands[holding.index(True) :].any()
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_noisy_pose_ends_there_too(learned: kl.KoopmanModel, seed: int) -> None:
-    error, commands, holding = park(learned, 50 + seed, slip=0.05, noise=1.0)
-    assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.06
-    assert np.mean(holding[-50:]) > 0.9
-
-
-def test_a_robot_that_is_pushed_drives_back(learned: kl.KoopmanModel) -> None:
-    controller, goal, x = (
-        GuidedController(learned, kl.NavigationProblem()),
-        np.zeros(3),
-        np.zeros(3),
-    )
-    plant = kmpc_lab.DifferentialDrive()
-    assert not controller.step(x, goal).command.any()
-    x = np.array([0.1, 0.15, 0.5])
-    for _ in range(150):
-        x = plant.step(x, controller.step(x, goal).command, 0.1)
-    assert np.hypot(*x[:2]) <= 0.02 and abs(x[2]) <= 0.05
-
-
-def test_very_noisy_poses_end_at_rest_too() -> None:
-    noise = np.array([0.02, 0.02, 0.08])
-    log = drive_log(LaggingDrive(slip=0.05, seed=3), 60, 100, seed=4, pose_noise=noise)
-    model, held, ends = kl.fit(log, kl.HermiteTrigDictionary(order=0)), [], []
-    for seed in range(6):
-        random = np.random.default_rng(seed)
-        controller, plant = (
-            GuidedController(model, kl.NavigationProblem()),
-            kmpc_lab.DifferentialDrive(0.05, seed),
-        )
-        x, goal = random.uniform(-1.0, 1.0, 3), np.zeros(3)
-        for _ in range(250):
-            x = plant.step(x, controller.step(x + random.normal(size=3) * noise, goal).command, 0.1)
-        held.append(np.mean(controller.holding[150:]))
-        ends.append(np.hypot(*x[:2]))
-    assert np.mean(held) > 0.9 and max(ends) < 0.06

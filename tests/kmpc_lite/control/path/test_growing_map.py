@@ -1,7 +1,5 @@
 """A map that grows: a path is kept where something new stands elsewhere."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import kmpc_lite as kl

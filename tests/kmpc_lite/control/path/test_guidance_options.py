@@ -1,6 +1,4 @@
-"""What the guide's options mean for the paper's robot, looked at on both sides of each number."""
-
-from __future__ import annotations
+"""What starts a new search for a path, what a path costs, and how a path ends before its goal."""
 
 from typing import Any
 
@@ -12,7 +10,7 @@ import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
 from kmpc_lite.control.kernels.following import times_after
 from kmpc_lite.control.path.capabilities import capabilities
-from kmpc_lite.control.path.planner import Known, Path, PathRequest, Route
+from kmpc_lite.control.path.planner import Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
@@ -47,34 +45,6 @@ def asked(goal: Array = GOAL, **more: Any) -> PathRequest:
     )
 
 
-def gate(half_width: float) -> Array:
-    """Two circles that leave a gate in the way, and no other way within the area."""
-    return np.array([[0.0, side * (2.0 + half_width), 2.0, 0.0, 0.0] for side in (-1.0, 1.0)])
-
-
-@pytest.mark.parametrize(
-    ("room", "kept"),
-    [
-        (0.0585, 0.06),
-        (0.0575, 0.03),
-        (0.0285, 0.03),
-        (0.0275, 0.005),
-        (0.0033, 0.005),
-        (0.0027, None),
-    ],
-)
-def test_paths_keep_six_or_three_centimetres_or_five_millimetres(
-    room: float, kept: float | None
-) -> None:
-    # chords of a path's arcs may cut the inflated circles by two millimetres
-    inflation = PROBLEM.robot_radius + PROBLEM.margin
-    guide = GuideInUse(PROBLEM)
-    found = guide.reference(START, GOAL, gate(inflation + room))
-    assert found.reachable is (kept is not None)
-    if kept is not None:
-        assert guide.state.path_clearance == pytest.approx(kept)
-
-
 def carried(aside: float) -> bool:
     """Whether a robot on its way gets a new path in the step that sees it beside the old one."""
     guide = GuideInUse(PROBLEM)
@@ -87,22 +57,6 @@ def test_a_robot_carried_by_half_a_metre_gets_another_path_at_once() -> None:
     assert carried(0.505) and not carried(0.495)
 
 
-@pytest.mark.parametrize(("by", "refreshed"), [(0.0099, False), (0.0101, True)])
-def test_an_obstacle_may_be_a_centimetre_from_where_it_was(by: float, refreshed: bool) -> None:
-    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.3, 0.2, 0.0, 0.0]])
-    guide.reference(START, GOAL, circles)
-    found = guide.reference(START, GOAL, circles + (0.0, by, 0.0, 0.0, 0.0))
-    assert found.refreshed is refreshed
-
-
-@pytest.mark.parametrize(("by", "refreshed"), [(0.0099, False), (0.0101, True)])
-def test_an_obstacle_may_be_a_centimetre_larger_than_it_was(by: float, refreshed: bool) -> None:
-    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.3, 0.2, 0.0, 0.0]])
-    guide.reference(START, GOAL, circles)
-    found = guide.reference(START, GOAL, circles + (0.0, 0.0, by, 0.0, 0.0))
-    assert found.refreshed is refreshed
-
-
 def test_a_velocity_given_with_noise_is_no_other_map() -> None:
     guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.9, 0.2, 0.0, 0.1]])
     guide.reference(START, GOAL, circles)
@@ -112,64 +66,11 @@ def test_a_velocity_given_with_noise_is_no_other_map() -> None:
         assert not guide.reference(START, GOAL, noisy).refreshed
 
 
-@pytest.mark.parametrize(
-    ("ahead", "speed", "looks"), [(0.2, 0.25, False), (0.2, 0.23, True), (0.35, 0.25, True)]
-)
-def test_near_the_goal_a_robot_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path(
-    ahead: float, speed: float, looks: bool
-) -> None:
-    guide, beside = GuideInUse(PROBLEM), np.array([GOAL[0] - ahead, 0.06, 0.0])
-    guide.reference(np.array([GOAL[0] - 0.6, 0.0, 0.0]), GOAL, NO_CIRCLES)
-    guide.state.age = 1.0
-    guide.reference(beside, GOAL, NO_CIRCLES, speed=speed)
-    assert (guide.state.age == 0.0) == looks
-
-
-@pytest.mark.parametrize(
-    ("pose", "aside"),
-    [
-        ((-0.2, 0.05, 0.0), 0.006),  # half of 8 % of the radius
-        ((-0.2, -0.05, 0.0), -0.006),
-        ((-0.2, 0.004, 0.0), 0.004),
-        ((-0.2, 0.0, 0.5), 0.0),
-        ((-0.35, 0.05, 0.0), 0.0),  # farther away than two radii
-    ],
-)
-@pytest.mark.parametrize("heading", [0.0, 2.0])
-def test_a_path_from_near_the_goal_ends_beside_it_by_half_of_where_the_last_turn_may_begin(
-    pose: tuple[float, float, float], aside: float, heading: float
-) -> None:
-    turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-    start = np.array([*turned @ pose[:2], pose[2] + heading])
-    guide = GuideInUse(PROBLEM)
-    guide.reference(start, np.array([0.0, 0.0, heading]), NO_CIRCLES)
-    assert guide.state.path is not None
-    end = guide.state.path.timed.poses[-1]
-    np.testing.assert_allclose(end[:2] @ turned, (0.0, aside), atol=1e-12)
-    assert np.cos(end[2] - heading) == pytest.approx(1.0)
-
-
 def test_a_search_that_is_needed_ends_though_there_is_a_new_reason_in_each_step() -> None:
     guide = GuideInUse(PROBLEM)
     goals = (GOAL + [0.0, 0.01 * i, 0.0] for i in range(100))
     paths = [guide.reference(START, goal, NO_CIRCLES).refreshed for goal in goals]
     assert sum(paths) >= 5
-
-
-@pytest.mark.parametrize(("time", "kept"), [(11.49, True), (11.51, False)])
-def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
-    time: float, kept: bool
-) -> None:
-    points = np.array([[-1.5, 0.0], [1.5, 0.0]])
-    quickest = GeometricPath(points, np.zeros(2), 10.0, True)
-    as_before = GeometricPath(points, np.zeros(2), time, False)
-    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions())
-    planner.begin(asked(driven=Route(points, False, 0.06, 0.0)))
-    planner._landmarks = np.empty((0, 2))
-    planner._clearance = planner._widest = 0.06
-    assert not planner._takes(quickest)
-    assert planner._takes(as_before)
-    assert planner._best is not None and bool(planner._best.gears.sum() > 0) is kept
 
 
 def price_of(path: GeometricPath, clearance: float = 0.06, **more: Any) -> float:
@@ -198,16 +99,6 @@ def test_what_a_path_costs() -> None:
     rate = float(CAPABILITIES.forward[1])
     assert price_of(left, turned=0.5) == 10.0
     assert price_of(left, turned=-0.5) == pytest.approx(10.0 + 0.5 / rate)
-
-
-def test_the_unknown_of_a_path_counts_a_fifth_more() -> None:
-    points = np.array([[-1.5, 0.0], [1.5, 0.0]])
-    path = GeometricPath(points, np.zeros(2), 10.0, False)
-    unknown = np.zeros((40, 40), dtype=bool)
-    unknown[:, 20:] = True
-    known = Known(unknown, np.array([-2.0, -2.0]), 0.1, (0.0, 0.0), 0.0)
-    expected = 10.0 + 0.2 * 1.5 / float(CAPABILITIES.forward[0])
-    assert price_of(path, known=known) == pytest.approx(expected, abs=0.1)
 
 
 class Turning:
@@ -241,18 +132,6 @@ def centre(model: Turning) -> bool:
     return capabilities(model, PROBLEM).turning_centre is not None  # type: ignore[arg-type]
 
 
-def test_a_turning_centre_is_certain_by_three_and_a_half_standard_errors() -> None:
-    assert centre(Turning(0.0352, 0.01)) and not centre(Turning(0.0348, 0.01))
-
-
-def test_a_turning_centre_explains_half_of_the_motion() -> None:
-    # at eight headings, cosines of a turn about the point and of three times the heading weigh the
-    # same where the one is the square root of two times the other
-    equal = np.sqrt(2.0) * np.sin(0.1 * np.pi / 4) * 0.05
-    assert centre(Turning(0.05, other=0.97 * equal))
-    assert not centre(Turning(0.05, other=1.03 * equal))
-
-
 # braking
 
 
@@ -283,9 +162,3 @@ def test_after_its_drive_a_robot_that_brakes_turns_as_ever() -> None:
     )
     late = times_after(path.timed, 0.0, 0.0, np.array([5.0, 6.0, 7.0]))
     np.testing.assert_allclose(np.diff(late), 1.0)
-
-
-def test_paths_end_with_six_tenths_of_what_the_commands_may_change() -> None:
-    slow = kl.NavigationProblem(du_max=(1.5, 5.0))
-    assert capabilities(kl.nominal_unicycle(0.1), slow).deceleration == pytest.approx(0.9)
-    assert CAPABILITIES.deceleration == np.inf

@@ -1,7 +1,5 @@
 """The reference leads around obstacles within the bounds, and waits if there is no path."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from guide_scenes import DT, NO_CIRCLES, PROBLEM, circles, pose

@@ -1,7 +1,5 @@
 """When the guide looks for a path again: for a reason, at once, and without flicker."""
 
-from __future__ import annotations
-
 import numpy as np
 from guide_scenes import KEEP, NO_CIRCLES, PROBLEM, circles, pose
 from guided import GuideInUse

@@ -1,7 +1,5 @@
 """What the guide remembers is data: a copy of it goes on as the original does, in a search too."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A robot that answers late is led from where the commands that were sent will have brought it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths through grids with many corners."""
 
-from __future__ import annotations
-
 import numpy as np
 from paths import ended
 
@@ -55,3 +53,14 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     )
     closed = Lattice(Solids([slanted(None)]))
     assert ended(closed.search(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA))) is None
+
+
+def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known() -> None:
+    lattice = Lattice(Solids([slanted()]))
+    goal, far = np.array([0.0, 2.5]), np.array([0.0, -2.5])
+    near = np.array([-1.0, -0.46])
+    assert 0.15 < lattice.clearance(near) < 0.21
+    assert ended(lattice.search(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA))) is not None
+    assert ended(lattice.search(LatticeTask(near, goal, 0.21, NO_CIRCLES, AREA))) is not None
+    # and the other way round
+    assert ended(lattice.search(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA))) is not None

@@ -1,6 +1,4 @@
-"""What the lattice's options mean for the paper's robot, looked at on both sides of each number."""
-
-from __future__ import annotations
+"""The lattice's own path, when no path of the tangent graph along it is clear."""
 
 from typing import Any
 
@@ -33,13 +31,6 @@ def query(centres: np.ndarray, radius: float, lattice_path: Any = None) -> PathQ
     start, goal = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
     radii, edges = np.full(len(centres), radius), np.empty((0, 2), dtype=np.intp)
     return PathQuery(start, goal, centres, radii, edges, AREA, SPEED, 1.0, lattice_path)
-
-
-def test_corners_are_added_twelve_times_before_the_lattices_own_path_is_taken() -> None:
-    lattice_path = AlwaysCut()
-    (found,) = all_paths(query(np.empty((0, 2)), 0.0, lattice_path))
-    assert lattice_path.looks == 13
-    assert found.points[1].tolist() == [0.0, 1.0]
 
 
 @pytest.mark.parametrize(("heading", "reverse"), [(0.75, False), (0.75 - np.pi, True)])

@@ -1,7 +1,5 @@
 """Where a robot makes room for who moves, and how much."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What a planner is asked, and what its path is: any planner drives the robot."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

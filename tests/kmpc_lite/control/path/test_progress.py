@@ -1,7 +1,5 @@
 """What the guidance says of the goal, and what it tries when the robot gets no nearer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from guide_scenes import NO_CIRCLES, OPTIONS, PROBLEM, circles

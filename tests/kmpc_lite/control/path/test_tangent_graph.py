@@ -1,7 +1,5 @@
 """Paths around circles cut nothing, are as quick as a grid says, and exist where one does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from paths import quickest_paths

@@ -1,7 +1,5 @@
 """Robots that turn about another point than the tracked one: the model tells which."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from guided import GuideInUse

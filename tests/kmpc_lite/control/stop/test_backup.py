@@ -1,7 +1,5 @@
 """What is left of a safe motion is driven to its end, then the robot brakes and stands."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The largest share of a plan is driven from which the robot comes to rest clear."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

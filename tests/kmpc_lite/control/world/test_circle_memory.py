@@ -1,7 +1,5 @@
 """Circles out of `sensor_range` are remembered by a robot that turns back from them."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

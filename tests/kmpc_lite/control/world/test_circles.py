@@ -1,7 +1,5 @@
 """Circles at the border, and distances and normals inside."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small things that stand free in a scan become circles, and who walks among them is found."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Occupancy grids: from messages and map_server's files to rectangles, and ways through them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The assignment of least cost is found, whatever can be paired."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

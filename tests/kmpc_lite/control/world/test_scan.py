@@ -1,7 +1,5 @@
 """Laser scans: what each beam tells, mounts, self-hits."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -2,8 +2,6 @@
 step sees of them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Circles without velocity get the one that they were seen to have."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -1,7 +1,5 @@
 """Valid logs of all sorts of robots pass; what is wrong with a log is named, with what mends it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

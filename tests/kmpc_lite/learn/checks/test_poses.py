@@ -1,7 +1,5 @@
 """Poses that jump, come seldom or stand still are told of, and those of sound logs are not."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

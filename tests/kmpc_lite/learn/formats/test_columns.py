@@ -1,7 +1,5 @@
 """Tables of other people: names, delimiters, units in the header, quaternions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

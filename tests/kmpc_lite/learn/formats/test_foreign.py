@@ -1,7 +1,5 @@
 """Logs of other people's tools hold the same drive, whatever their format."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A large bag takes no more memory than a small one."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables as they are at hand: dates for times, wheels for commands, places on Earth, holes."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 

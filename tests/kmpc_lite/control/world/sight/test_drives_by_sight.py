@@ -1,7 +1,5 @@
 """Drives by scans alone: what is not seen to be free is not driven into."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

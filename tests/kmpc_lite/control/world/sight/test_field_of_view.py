@@ -1,7 +1,5 @@
 """Drives of robots that do not see all around."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The local map: what scans mark, clear, and leave unknown."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

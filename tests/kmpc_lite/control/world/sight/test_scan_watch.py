@@ -1,7 +1,5 @@
 """A scanner that has died, or hangs, is noticed, and the robot does not drive blind."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import kmpc_lite as kl

@@ -1,7 +1,5 @@
 """`NavigationProblem.sensor_range`: the speed follows from what is known and from braking."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the options of sight mean for the paper's robot, looked at on both sides of each number."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from guided import GuideInUse
