@@ -26,7 +26,7 @@ def name_of(path: Path) -> str:
 
 
 def length(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
-    """Lines of a function but for its docstring: what it does, not what is told of it."""
+    """Lines of a function but for its docstring: what it does, not what is said of it."""
     assert function.end_lineno is not None
     lines = function.end_lineno - function.lineno + 1
     first = function.body[0]

@@ -1,4 +1,4 @@
-"""Drives by a lidar alone: the controller is told no obstacle, and gets what the bytes tell."""
+"""Drives by a lidar alone: no obstacle is given to the controller but what the bytes hold."""
 
 import math
 import threading

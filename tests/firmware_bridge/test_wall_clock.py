@@ -1,4 +1,4 @@
-"""A wall clock that somebody sets changes nothing."""
+"""A wall clock that is set changes nothing."""
 
 import ast
 from pathlib import Path
@@ -7,7 +7,7 @@ import firmware_bridge
 
 
 def test_no_wall_clock_decides_anything():
-    """A clock that somebody sets, or NTP, can then do nothing.
+    """A clock that is set, by hand or by NTP, can then do nothing.
 
     It is read once, for logs, recordings and the stamps of signatures; ROS 2 messages carry it.
     """

@@ -316,7 +316,7 @@ class Page:
         self.call("Input.dispatchKeyEvent", **told, type="keyUp")
 
     def tree(self) -> list[tuple[str, str]]:
-        """Role and name of everything that a screen reader is told of, in order."""
+        """Role and name of everything that a screen reader gets, in order."""
         nodes = self.call("Accessibility.getFullAXTree")["nodes"]
         return [
             (node["role"]["value"], node.get("name", {}).get("value", ""))

@@ -1,4 +1,4 @@
-"""Drives of a robot that does exactly what it is told."""
+"""Drives of a robot that does exactly what it is commanded."""
 
 from __future__ import annotations
 

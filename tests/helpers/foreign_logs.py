@@ -348,7 +348,7 @@ ULOG = {
 
 
 def write_ulog(path: Path, d: Drive, speeds: bool = True) -> Path:
-    """A PX4 .ulg with the local position, set-points, and a topic that nobody needs."""
+    """A PX4 .ulg with the local position, set-points, and a topic that is not needed."""
     out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)]
 
     def put(kind: str, body: bytes) -> None:

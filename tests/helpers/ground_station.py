@@ -1,4 +1,4 @@
-"""Somebody who talks to an emulated rover, one message at a time, on a clock of the tests' own."""
+"""A station that talks to an emulated rover, message by message, on a clock of the tests' own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Message = dialect.MAVLink_message
 
 
 class Ground:
-    """A rover and somebody who talks to it."""
+    """A rover and a station that talks to it."""
 
     def __init__(self, system: int = 255, component: int = 190, **rover: object) -> None:
         self.now = 50.0

@@ -134,7 +134,7 @@ def decode(frames: list[bytes]) -> list[object]:
 
 
 def other(system: int, component: int = 1) -> MavlinkCodec:
-    """Somebody else on the link."""
+    """Another station on the link."""
     return MavlinkCodec(system, component)
 
 

@@ -27,7 +27,7 @@ class Block(NamedTuple):
 
 
 def name_of(page: Path) -> str:
-    """Path of a page as it is told in messages."""
+    """Path of a page as messages show it."""
     return str(page.relative_to(ROOT))
 
 

@@ -303,7 +303,7 @@ def judge(reader: Reader, files: dict[str, bytes], folder: Path) -> str:
             reader.read(folder / next(iter(files)))
     except (KmpcError, BridgeError) as error:
         refused = str(error)
-    except BaseException:  # it is told, and the next file is read
+    except BaseException:  # it is reported, and the next file is read
         return traceback.format_exc()
     took = time.process_time() - begun
     if took > SECONDS:

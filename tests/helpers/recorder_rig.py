@@ -20,7 +20,7 @@ def drive(
     states=None,
     seed=0,
 ):
-    """A robot that obeys at once, told at random; poses late and uneven. Returns the path."""
+    """A robot that obeys random commands at once; poses late and uneven. Returns the path."""
     random_, clock = random.Random(seed), Clock(50.0)
     robot = FakeDriver(clock, delay)
     command, due, state, pose_due = (0.0, 0.0), 0.0, None, 0.0

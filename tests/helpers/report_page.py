@@ -1,4 +1,4 @@
-"""A report's page as a browser reads it, and what is told in it."""
+"""A report's page as a browser reads it, and what it says."""
 
 import json
 from base64 import b64decode

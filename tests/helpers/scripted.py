@@ -1,4 +1,4 @@
-"""Controllers that do as they are told, to test what drives them."""
+"""Controllers that do as a test says, to test what drives them."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def test_the_emergency_stop_stops_a_running_robot_and_outlives_the_run(desk, cap
         child.send_signal(signal.SIGTERM)
         report = json.loads(child.communicate(timeout=20.0)[0])
         assert child.returncode == 130 and report["outcome"] == "stopped by SIGTERM"
-        # the next run refuses, until somebody resets
+        # the next run refuses, until it is reset
         capsys.readouterr()
         command = ["run", *robot_options("roboclaw"), "--scenario", "course.toml", *FAST]
         assert main(command) == 2

@@ -43,7 +43,7 @@ def learn(turns):
 
 
 def rehearse(model_turns, robot_turns, seconds=30.0, of=None):
-    """Drive a robot whose turns come out at a share of what is told; give the rehearsal."""
+    """Drive a robot whose turns come out at a share of the commands; give the rehearsal."""
     learn(model_turns)
     rehearsal = Rehearsal(of or robot(), kl.KoopmanModel.load(FILE))
     simulated = Simulated(Limits(), lag=0.0, dead_time=0.0, gains=(1.0, robot_turns))

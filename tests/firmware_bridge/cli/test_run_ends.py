@@ -106,4 +106,4 @@ def test_kill_9_leaves_the_robot_to_the_boards_own_watchdog(desk):
         assert until(lambda: not board.stopped and board.pose[0] > 0.1)
         child.kill()
         child.communicate()
-        assert until(lambda: board.stopped)  # nobody else is there to do it
+        assert until(lambda: board.stopped)  # no other process is there to do it

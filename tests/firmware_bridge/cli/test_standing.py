@@ -1,4 +1,4 @@
-"""A robot whose pose lies inside an obstacle of its scenario is not driven, and told why."""
+"""A robot whose pose lies inside an obstacle of its scenario is not driven, and says why."""
 
 import json
 import math

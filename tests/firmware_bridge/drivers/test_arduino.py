@@ -96,7 +96,7 @@ def sketch(program, motors, servo):
 
 
 class AtOnce:
-    """The emulator's motors do at once what they are told, as those of the harness."""
+    """The emulator's motors do at once what they are commanded, as those of the harness."""
 
     def __init__(self, clock, geometry):
         self.board = ArduinoEmulator(geometry, OPTIONS, clock=clock)

@@ -11,7 +11,7 @@ TICK, TOP = 0.02, 20.0
 
 
 def watched(told, speeds):
-    """Faults after each of N looks at what both wheels are told, and do (N, 2) [rad/s]."""
+    """Faults after each of N looks at what both wheels are commanded, and do (N, 2) [rad/s]."""
     wheels, found = RunawayWheels(("left", "right"), TOP), []
     for k, (wanted, done) in enumerate(zip(told, speeds, strict=True)):
         wheels.take(tuple(wanted), tuple(done), TICK * k)

@@ -13,7 +13,7 @@ TOP = 6000
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
-    """Drive the sketch: when it told the fault [ms], largest power, powers at the end, faults."""
+    """Drive the sketch: time of the fault [ms], largest power, powers at the end, faults."""
     program = tmp_path_factory.mktemp("loop") / "sketch"
     compiled(program, "g++", "-std=c++11", "-x", "c++", str(HARNESS))
 
@@ -26,7 +26,7 @@ def drive(tmp_path_factory):
 
 @pytest.mark.parametrize("speed", [TOP // 10, -TOP // 10, TOP // 2, TOP])
 def test_a_dead_encoder_is_reported_within_300_ms_and_its_motor_stopped(drive, speed):
-    """The I term drove that motor at full power, and no fault was told."""
+    """The I term drove that motor at full power, and no fault was reported."""
     told, largest, left, right, after = drive(speed, 1, 3000)
     assert 200 <= told <= 300
     assert largest <= 2.0 * abs(speed) / TOP + 0.2 or abs(speed) > TOP // 3

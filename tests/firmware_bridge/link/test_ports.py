@@ -1,4 +1,4 @@
-"""What a user reads when a port cannot be had, and who has it."""
+"""What a user reads when a port cannot be had, and which program has it."""
 
 import errno
 import os

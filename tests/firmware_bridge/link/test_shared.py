@@ -1,4 +1,4 @@
-"""A link that others share: who hears what, and how little of theirs reaches the board at once."""
+"""A shared link: which station hears what, and how little of theirs reaches the board at once."""
 
 import pytest
 from robots import Clock

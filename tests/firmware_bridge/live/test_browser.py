@@ -93,7 +93,7 @@ def test_a_bridge_that_is_not_heard_is_reported_loudly_and_stop_is_sent_until_it
         page.tap("#stop")
         page.wait("document.querySelector('#stop').className == 'failed'")
         assert "NOT CONFIRMED" in page.text("#stop")
-        os.kill(process.pid, signal.SIGCONT)  # it was sent again until somebody heard it
+        os.kill(process.pid, signal.SIGCONT)  # it was sent again until it was heard
         page.wait("document.querySelector('#stop').className == 'held'")
         assert page.run("document.querySelector('#lost').hidden")
 

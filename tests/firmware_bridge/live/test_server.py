@@ -1,4 +1,4 @@
-"""The page's process: what it serves, to whom, and who is dropped."""
+"""The page's process: what it serves, to whom, and which watcher is dropped."""
 
 import contextlib
 import http.client

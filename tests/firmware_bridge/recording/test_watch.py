@@ -1,4 +1,4 @@
-"""A robot that does not do what it is told is told so soon; one that does is never accused."""
+"""A robot that does not obey is reported soon; one that obeys is never accused."""
 
 import math
 import re

@@ -60,7 +60,7 @@ def test_a_robot_whose_peer_is_killed_stops_and_goes_on_after_its_return() -> No
         rig.revive()
         rig.tick(60)
         assert rig.gate.state is GateState.ACTIVE
-        # one that waited too long drives again when somebody sends a goal
+        # one that waited too long drives again when a goal is sent
         rig.kill()
         rig.tick(180)
         assert rig.gate.state is GateState.RELEASED

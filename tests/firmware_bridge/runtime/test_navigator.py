@@ -1,4 +1,4 @@
-"""What a run is told to be: an end in any case, touches, and goals that are left again."""
+"""What becomes of a run: an end in any case, touches, and goals that are left again."""
 
 import math
 from dataclasses import replace

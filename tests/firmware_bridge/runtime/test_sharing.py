@@ -39,7 +39,7 @@ def robot(tmp_path: Path, *stations: str, **more: object):
 
 
 class Station:
-    """A ground station that says what it is told to."""
+    """A ground station that says what a test hands to it."""
 
     def __init__(self, port: int) -> None:
         self.link = open_transport(f"udp:127.0.0.1:{port}?listen=1")
@@ -64,7 +64,7 @@ def wait(condition, seconds: float = 40.0) -> None:
 
 
 def drive_beside(session: Session, speak) -> None:
-    """Drive, signals being the main thread's, while somebody else speaks for a station."""
+    """Drive, signals being the main thread's, while another thread speaks for a station."""
     failed: list[BaseException] = []
     done = threading.Event()
 

@@ -242,7 +242,7 @@ def test_a_latch_written_by_another_process_is_a_stop_and_only_a_reset_removes_i
 
 def test_a_stop_outlives_a_bridge_that_does_not_answer(tmp_path):
     path = tmp_path / "b.sock"
-    busy = Listener(path)  # listens, and serves nobody
+    busy = Listener(path)  # listens, and serves no client
     with pytest.raises(LinkError, match="no answer"):
         press(path, timeout=0.1)
     busy.close()

@@ -1,4 +1,4 @@
-"""A pilot who takes over has the robot, until somebody enables the gate again."""
+"""A pilot that takes over has the robot, until the gate is enabled again."""
 
 from gate_world import World, into
 

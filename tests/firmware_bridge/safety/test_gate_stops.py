@@ -34,7 +34,7 @@ def test_ramp_then_zeros_for_a_second_then_release_until_the_board_obeys():
     assert again.count(Action.RELEASE) == 2 and again.count(Action.SEND) == 0
     world.ready = False
     assert world.step().action is Action.NOTHING and world.gate.done
-    # whoever takes it back to GUIDED now has it
+    # a station that takes it back to GUIDED now has it
     world.ready = True
     assert {o.action for o in (world.step() for _ in range(100))} == {Action.NOTHING}
 

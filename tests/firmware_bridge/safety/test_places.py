@@ -1,4 +1,4 @@
-"""Where bridges listen: whoever presses a stop finds them all."""
+"""Where bridges listen: a press of the stop finds them all."""
 
 import contextlib
 import os
@@ -15,7 +15,7 @@ from firmware_bridge.safety.places import NAME, default_socket, found_sockets, l
 
 @pytest.fixture(autouse=True)
 def machine(tmp_path, monkeypatch):
-    """A machine of its own: a service, a user who is logged in, root, and temporary files."""
+    """A machine of its own: a service, a user that is logged in, root, and temporary files."""
     for name in ("RUNTIME_DIRECTORY", "XDG_RUNTIME_DIR", "SUDO_UID"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))

@@ -1,4 +1,4 @@
-"""A robot that is told to drive, and whose pose does not change, is stopped and given back."""
+"""A robot that is commanded to drive, and whose pose does not change, is stopped and given back."""
 
 import math
 from dataclasses import replace
@@ -46,7 +46,7 @@ def test_noise_does_not_hide_a_frozen_pose():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_robot_that_lags_slips_and_turns_less_is_believed(seed):
-    """Half a second late, a third of the speed, half of the turn, whatever it is told."""
+    """Half a second late, a third of the speed, half of the turn, whatever the command."""
     draw = np.random.default_rng(seed)
     commands = np.repeat(draw.uniform((-0.5, -4.0), (0.5, 4.0), (20, 2)), 50, axis=0)
     late = np.vstack([np.zeros((25, 2)), commands])

@@ -137,7 +137,7 @@ def test_noise_of_any_kind_raises_nothing():
 
 @pytest.mark.parametrize("words", ["nan 2 3", "1 2 inf", "1e9 2 3"])
 def test_a_source_that_sends_no_numbers_is_reported_as_such(words):
-    """It was told as "no pose, or too old", as one that sends nothing."""
+    """It was reported as "no pose, or too old", as one that sends nothing."""
     source, now = fed()
     assert source.nonsense(now) == ""
     for _ in range(40):

@@ -1,4 +1,4 @@
-"""What a busy computer costs a drive is measured in turns, and told in a row a mode."""
+"""What a busy computer costs a drive is measured in turns, and reported in a row a mode."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What floods are made of, and how their cost is told; the floods themselves are long tests."""
+"""What floods are made of, and how their cost is reported; the floods themselves are long tests."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What a STOP on the page takes: how it is noted, and told; the presses themselves are long."""
+"""What a STOP on the page takes: how it is noted, and reported; the presses themselves are long."""
 
 import io
 import json

@@ -11,7 +11,7 @@ from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
 
 
 class TestTelemetry:
-    """Requests, limits, and what is told."""
+    """Requests, limits, and what is reported."""
 
     @pytest.mark.parametrize(
         ("interval", "result"),

@@ -1,4 +1,4 @@
-"""Runs of every kind that are told and drawn."""
+"""Runs of every kind that are reported and drawn."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Robots that nobody has tuned it for arrive, and the study would see it if they did not."""
+"""Robots that it was not tuned for arrive, and the study would see it if they did not."""
 
 from dataclasses import replace
 

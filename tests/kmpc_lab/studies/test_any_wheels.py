@@ -1,4 +1,4 @@
-"""Cars and omnis that nobody has tuned it for: drawn, recognised in their logs, and driven."""
+"""Cars and omnis that it was not tuned for: drawn, recognised in their logs, and driven."""
 
 from dataclasses import replace
 

@@ -75,6 +75,6 @@ def test_a_model_is_judged_on_the_floor_that_the_robot_came_to() -> None:
     rows = summarise([*off, *on])
     assert rows[0].error_ratio is not None and rows[1].error_ratio is not None
     assert "to a fresh fit's" in format_maps(rows)
-    # nothing is told of a controller without a model, or where the floor did not change
+    # nothing is reported of a controller without a model, or where the floor did not change
     assert drive_maps(STAND, learning, 0.0, BOTH_CHANGE, "open", 0.0, [3])[0]["error_ratio"] is None
     assert "error_ratio" not in drive_maps(STAND, learning, 0.0, LAGGING, "open", 0.0, [3])[0]

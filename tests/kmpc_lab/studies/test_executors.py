@@ -39,7 +39,7 @@ def die(_: int) -> int:
 
 
 def slow(folder: Path, value: int) -> int:
-    """Say who works on a task, and take a moment."""
+    """Say which process works on a task, and take a moment."""
     (folder / f"{value}-{os.getpid()}").touch()
     time.sleep(0.1)
     return 2 * value

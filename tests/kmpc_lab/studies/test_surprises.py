@@ -31,7 +31,7 @@ def test_a_contact_is_attributed_to_what_moves() -> None:
     ahead, behind = drives[-1] + (0.4, 0.0), drives[-1] - (0.4, 0.0)
     assert pedestrians._kind(drives, ahead) == "driven_into"
     assert pedestrians._kind(drives, behind) == "met"
-    # what is left of a command to stand approaches nobody
+    # what is left of a command to stand approaches no pedestrian
     stops = drives.copy()
     stops[-50:] = stops[-50] + np.column_stack([1e-7 * np.arange(50), np.zeros(50)])
     assert pedestrians._kind(stops, stops[-1] + (0.4, 0.0)) == "met"

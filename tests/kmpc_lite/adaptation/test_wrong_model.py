@@ -1,4 +1,4 @@
-"""A model of another robot is told, and one that predicts worse than the learned gives way."""
+"""A model of another robot is reported, and one that predicts worse than the learned gives way."""
 
 from dataclasses import replace
 

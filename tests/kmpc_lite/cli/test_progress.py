@@ -1,4 +1,4 @@
-"""Progress is drawn on a terminal only, and no time left is told before it can be known."""
+"""Progress is drawn on a terminal only, and no time left is shown before it can be known."""
 
 import sys
 import threading

@@ -10,7 +10,7 @@ DOOR = [kl.Wall(0.0, -2.0, 0.0, -0.4), kl.Wall(0.0, 0.4, 0.0, 2.0)]
 def test_a_pedestrian_in_the_only_way_does_not_make_the_goal_unreachable(
     nominal: kl.KoopmanModel,
 ) -> None:
-    """It may be free a moment later; behind a wall it is not, whoever walks elsewhere."""
+    """It may be free a moment later; behind a wall it is not, whatever walks elsewhere."""
     in_the_door, beside = kl.Circle(0.0, 0.0, 0.15, 0.0, 0.05), kl.Circle(-1.5, 1.5, 0.15, 0.1, 0.0)
     for walls, who, progress, words in (
         (DOOR, in_the_door, GoalProgress.WAITING, "something that moves stands in the only way"),

@@ -64,7 +64,7 @@ def test_whole_turns_of_pose_and_goal_change_nothing(
             x + (0, 0, 2 * np.pi * turns), goal - (0, 0, 2 * np.pi * turns), CIRCLES
         )
         np.testing.assert_allclose(one.command, other.command, atol=1e-6)
-        # the plan is told in the pose's own turns
+        # the plan is given in the pose's own turns
         np.testing.assert_allclose(other.states[0], x + (0, 0, 2 * np.pi * turns), atol=1e-9)
         np.testing.assert_allclose(other.states - (0, 0, 2 * np.pi * turns), one.states, atol=1e-5)
         x = nominal.predict(x, one.command)

@@ -1,4 +1,4 @@
-"""Who was told to stand and walks is noticed, and driven past as he walks."""
+"""A pedestrian given as standing that walks is noticed, and driven past as it walks."""
 
 import copy
 import math
@@ -36,7 +36,7 @@ def watch() -> Watch:
 
 
 def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
-    """Somebody who is told to stand, and crosses the way."""
+    """A pedestrian that is given as standing, and crosses the way."""
     return np.array([[0.9 + vx * DT * k, -1.4 + vy * DT * k, 0.2, 0.0, 0.0]])
 
 
@@ -103,7 +103,7 @@ POST = [0.6, 1.6, 0.1, 0.0, 0.0]
 
 
 def scanned(pose: Array, k: int) -> kl.LaserScan:
-    """What a scanner sees of somebody who crosses the way, and of a post."""
+    """What a scanner sees of a pedestrian that crosses the way, and of a post."""
     directions = math.tau / BEAMS * np.arange(BEAMS)
     circles = np.vstack([walker(k), POST])
     ranges = World(circles, np.empty((0, 4))).ranges(pose[:2], pose[2] + directions)

@@ -1,4 +1,4 @@
-"""What a controller logs: each event once; and nothing is printed that nobody asked for."""
+"""What a controller logs: each event once; and nothing is printed unasked."""
 
 import logging
 

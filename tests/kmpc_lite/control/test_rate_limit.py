@@ -63,7 +63,7 @@ def test_no_command_is_farther_from_the_one_before_than_allowed(
 ) -> None:
     controller = CONTROLLERS[name]
     controller.reset()
-    # if nothing wild is told, the robot drives as it was told to, so that commands are large
+    # if nothing wild is commanded, the robot drives as commanded, so that commands are large
     # when something comes up
     x, goal, around, before = (
         np.zeros(3),

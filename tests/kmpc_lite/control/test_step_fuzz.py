@@ -121,7 +121,7 @@ class Sender:
             try:
                 made.append(self.solid())
             except kl.ProblemError:
-                continue  # told where it is made
+                continue  # refused where it is made
         return made
 
     def sent(self) -> Any:

@@ -1,4 +1,4 @@
-"""A model is compared with the nominal robot on a drive: better, worse, alike, or not told yet."""
+"""A model is compared with the nominal robot on a drive: better, worse, alike, or not known yet."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ DT = 0.1
 def drive(
     gain: float = 1.0, seconds: float = 20.0, seed: int = 5, noise: float = 0.004
 ) -> kl.Dataset:
-    """A robot whose turns come out at a share of what is told."""
+    """A robot whose turns come out at a share of the commands."""
     clean = drive_log(LaggingDrive(turn_gain=gain), 1, round(seconds / DT), DT, seed, hold=8)
     random = np.random.default_rng(seed)
     (episode,) = clean.episodes

@@ -1,4 +1,4 @@
-"""What is told of a log: frames that are wrong, what it does not show, what its columns are."""
+"""What is reported of a log: frames that are wrong, what it does not show, what its columns are."""
 
 import re
 from collections.abc import Callable
@@ -28,7 +28,7 @@ def find_gaps(data: kl.Dataset) -> list[str]:
 def log(
     change: Change = lambda x, u: (x, u), seed: int = 0, robot: LaggingDrive | None = None
 ) -> kl.Dataset:
-    """Four minutes of a robot that obeys, poses noisy, changed as told."""
+    """Four minutes of a robot that obeys, poses noisy, changed as given."""
     plant = LaggingDrive(seed=seed) if robot is None else robot
     clean = drive_log(plant, 24, 100, 0.1, seed, hold=10)
     random = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ def drives(
 
 
 def test_a_bias_over_the_horizon_is_seen_from_the_starting_pose() -> None:
-    # a robot that drives 10 % faster than told, along an arc that ends pointing left of its start
+    # a robot 10 % faster than commanded, along an arc that ends pointing left of its start
     v, omega, dt, steps = 0.5, 0.8, 0.1, 10
     path = kl.nominal_unicycle(dt).rollout([1.0, 2.0, 2.5], np.tile([1.1 * v, omega], (steps, 1)))
     report = kl.evaluate(

@@ -22,7 +22,7 @@ def answering_log(
     by: float = 1.0,
     turns: float = 1.0,
 ) -> kl.Dataset:
-    """Driving of a robot that answers with these shares, and turns by 0.8 of what it is told."""
+    """Driving of a robot that answers with these shares, and turns by 0.8 of the command."""
     random, episodes = np.random.default_rng(5), []
     dictionary = ResponseDictionary(TRIG, speed, turn)
     nominal = kl.nominal_unicycle(DT)

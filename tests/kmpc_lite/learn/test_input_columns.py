@@ -1,4 +1,4 @@
-"""Whether a log's input columns are commands or measured speeds, told by how they change."""
+"""Whether a log's input columns are commands or measured speeds, judged by how they change."""
 
 from pathlib import Path
 

@@ -193,7 +193,7 @@ def test_saved_logs_of_cars_and_omnis_are_learned_to_the_same_model(tmp_path, en
 
 
 def as_drive(rows, shares):
-    """What an ArduPilot was told: speeds and turn rates, or shares of throttle and of its servo."""
+    """An ArduPilot's commands: speeds and turn rates, or shares of throttle and of its servo."""
     t, v, curvature = rows[:, 0], rows[:, 4], np.tan(rows[:, 5]) / 0.33
     told = 0.8 * curvature if shares else v * curvature
     return foreign_logs.Drive(t, rows[:, 1:4], t, np.column_stack([v, told]))

@@ -1,4 +1,4 @@
-"""How a robot stops: never told better than its log shows."""
+"""How a robot stops: never assumed better than its log shows."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Scenario files: what is wrong is told by file, section and key, and what is right survives being
+"""Scenario files: what is wrong is named by file, section and key, and what is right survives being
 written.
 """
 

@@ -1,4 +1,4 @@
-"""Every serial board drives as it is told, within its limits, over real descriptors."""
+"""Every serial board drives as commanded, within its limits, over real descriptors."""
 
 import math
 import time
@@ -40,7 +40,7 @@ def test_drives_and_reads_back(name, url):
         counters = rig.counters
         assert counters["frames"] > 10
         assert counters["driver_errors"] == 0
-        # an answer that a busy machine gave too late is one that nobody waits for any more, whole
+        # an answer that a busy machine gave too late is one that is not awaited any more, whole
         # or in parts
         assert counters["bad_bytes"] == 0 or counters["timeouts"]
         assert counters["unexpected_replies"] <= counters["timeouts"]

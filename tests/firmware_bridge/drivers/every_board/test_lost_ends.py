@@ -48,7 +48,7 @@ def test_kill_9_of_the_process_stops_each_board_by_its_own_watchdog(tmp_path):
             assert until(lambda board=boards[name]: not board.stopped)
             child.send_signal(signal.SIGKILL)
             child.wait()
-            # nobody else is there to do it
+            # no other process is there to do it
             assert until(lambda board=boards[name]: board.stopped)
         for name in TABLES:  # the next process finds boards that it can use
             driver = DRIVERS[name].from_options(open_transport(urls[name]), TABLES[name])

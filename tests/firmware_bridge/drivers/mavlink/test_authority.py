@@ -1,4 +1,4 @@
-"""Who has the robot: taken only when asked, never from a pilot, given back until confirmed."""
+"""Authority: taken only when asked, never from a pilot, given back until confirmed."""
 
 import random
 

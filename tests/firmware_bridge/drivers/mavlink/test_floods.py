@@ -1,4 +1,4 @@
-"""Floods on a MAVLink link: what they may cost those who command."""
+"""Floods on a MAVLink link: what they may cost those in command."""
 
 import random
 

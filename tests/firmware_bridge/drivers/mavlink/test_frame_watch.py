@@ -1,4 +1,4 @@
-"""After a restart of the autopilot, or another origin, nothing moves until somebody has looked."""
+"""After a restart of the autopilot, or another origin, nothing moves until it is confirmed."""
 
 from mavlink_rig import Rig
 

@@ -40,7 +40,7 @@ def eighth(orientation, distance, **more):
 
 
 def at(sweep, direction):
-    """What is told of a direction on the vehicle, counter-clockwise [rad]."""
+    """What is reported of a direction on the vehicle, counter-clockwise [rad]."""
     off = np.abs(np.angle(np.exp(1j * (sweep.angles - direction))))
     return sweep.ranges[np.argmin(off)] if off.min() < 0.02 else None
 

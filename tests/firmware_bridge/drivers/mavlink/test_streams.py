@@ -1,4 +1,4 @@
-"""Telemetry that another station lowers is asked for again, and told."""
+"""Telemetry that another station lowers is asked for again, and reported."""
 
 from mavlink_rig import Rig, dialect, other
 
@@ -52,7 +52,7 @@ def test_a_station_that_lowers_the_streams_costs_one_short_gap() -> None:
 
 
 def test_one_stall_is_reported_as_such_and_blamed_on_no_station() -> None:
-    """It was told as: "comes at 40 Hz, 40 Hz was asked for: another station lowers it"."""
+    """It was reported as: "comes at 40 Hz, 40 Hz was asked for: another station lowers it"."""
     stream = Stream(32, "LOCAL_POSITION_NED", (40.0,), answered=True)
     requests, now = StreamRequests(CommandDesk(lambda *_: None), (stream,)), 0.0
 

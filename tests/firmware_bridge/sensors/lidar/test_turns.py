@@ -28,7 +28,7 @@ def test_a_turn_is_stamped_by_its_angles():
     sweep = turns.newest
     assert sweep.stamps[0] == pytest.approx(10.0) and sweep.stamps[50] == pytest.approx(10.1)
     assert sweep.stamp == pytest.approx(10.198) and np.all(np.diff(sweep.stamps) > 0.0)
-    assert sweep.angles[25] == pytest.approx(-math.pi / 2)  # clockwise, told counter-clockwise
+    assert sweep.angles[25] == pytest.approx(-math.pi / 2)  # clockwise, reported counter-clockwise
     assert turns.rate(10.3) == pytest.approx(5.0) and turns.rate(13.0) == 0.0
 
 

@@ -108,7 +108,7 @@ def test_an_arc_between_samples_stays_outside_the_circle():
     ("slip", "v", "omega"), [(0.05, 0.6, 0.0), (0.1, 0.6, 0.4), (0.2, 0.3, -0.2), (0.2, 0.6, 0.3)]
 )
 def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
-    """Drive the slipping plant many times with the assumed feedback; count who leaves the tube."""
+    """Drive the slipping plant many times with the assumed feedback; count drives outside."""
     model, risk, trials = slipping(slip), 0.05, 4000
     lin, states, inputs = plan(model, v, omega)
     wary = Wary(model, PROBLEM, risk=risk, headway=0.0)

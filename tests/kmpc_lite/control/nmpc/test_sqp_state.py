@@ -1,4 +1,4 @@
-"""What outlives a step copies and pickles, and rooms that are told a copy go on to the same bit."""
+"""What outlives a step copies and pickles, and rooms given a copy go on to the same bit."""
 
 import copy
 import pickle

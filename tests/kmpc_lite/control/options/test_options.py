@@ -1,4 +1,4 @@
-"""Options are checked one by one, and told by their names where they are wrong."""
+"""Options are checked one by one, and refused by their names."""
 
 import re
 from dataclasses import fields, replace

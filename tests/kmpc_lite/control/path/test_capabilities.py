@@ -36,7 +36,7 @@ def test_a_robot_that_obeys_is_timed_at_the_bounds(nominal: kl.KoopmanModel) -> 
     np.testing.assert_array_equal(drivable_speeds(nominal, PROBLEM), [0.6, 0.6, np.pi / 4])
     one_sided = kl.NavigationProblem(u_min=(0.0, -0.5), u_max=(0.3, 0.8))
     np.testing.assert_array_equal(drivable_speeds(nominal, one_sided), [0.3, 0.0, 0.5])
-    # one that slips ahead drives faster than it is told; that is not asked for
+    # one that slips ahead drives faster than commanded; that is not asked for
     np.testing.assert_array_equal(drivable_speeds(fitted(1.0, 0.2), PROBLEM), [0.6, 0.6, np.pi / 4])
 
 

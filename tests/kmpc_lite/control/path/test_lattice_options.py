@@ -6,10 +6,23 @@ import numpy as np
 import pytest
 from paths import all_paths
 
+import kmpc_lite as kl
+from kmpc_lite.control.path.lattice import Lattice
+from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.tangent_graph import PathQuery
+from kmpc_lite.control.world.solids import Solids
 
 AREA = np.array([-100.0, -100.0, 100.0, 100.0])
 SPEED = np.array([0.6, np.pi / 4])
+
+
+def test_a_path_may_cut_the_cells_of_a_grid_by_two_centimetres() -> None:
+    lattice = Lattice(Solids([kl.OccupancyGrid(np.ones((1, 200), dtype=bool), 0.05)]))
+    lattice.cover(np.array([0.0, 1.0]), np.array([10.0, 1.0]))
+    path = LatticePath(lattice, np.array([[2.0, 1.0], [8.0, 1.0]]), 0.3, 1.0)
+    for depth, cuts in ((0.0195, False), (0.0205, True)):
+        along = np.array([[2.0, 0.05 + 0.3 - depth], [8.0, 0.05 + 0.3 - depth]])
+        assert bool(len(path.cut(along))) is cuts
 
 
 class AlwaysCut:

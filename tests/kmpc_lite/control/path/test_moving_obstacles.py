@@ -1,4 +1,4 @@
-"""Where a robot makes room for who moves, and how much."""
+"""Where a robot makes room for what moves, and how much."""
 
 import numpy as np
 import pytest

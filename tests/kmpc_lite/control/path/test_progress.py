@@ -17,7 +17,7 @@ def first_answer(goal: tuple[float, float, float], scene: np.ndarray, **more: ob
     return GuideInUse(PROBLEM).reference(START, np.array(goal), scene, **more)
 
 
-# -- goals that cannot be reached are told in the first step
+# -- goals that cannot be reached are reported in the first step
 
 RING = [(1.0 + 0.6 * np.cos(a), 0.6 * np.sin(a), 0.2) for a in np.arange(12) * np.pi / 6]
 

@@ -57,7 +57,7 @@ def memory() -> Tracking:
 
 @pytest.fixture
 def state(memory: Tracking) -> TrackedCircles:
-    """Of a robot that was told of a circle at the origin."""
+    """Of a robot to which a circle at the origin was given."""
     made = TrackedCircles()
     recall(memory, made, standing((0.0, 0.0)), at_distance(0.4))
     return made
@@ -88,7 +88,7 @@ def test_moving_circles_are_not_remembered(memory: Tracking, state: TrackedCircl
     walks, far = standing((0.0, 0.0)) + (0.0, 0.0, 0.0, 0.3, 0.0), at_distance(2.0)
     np.testing.assert_array_equal(recall(memory, state, walks, far), walks)
     assert not len(recall(memory, state, NOTHING, far))
-    # told to stand, and seen to move
+    # given as standing, and seen to move
     recall(memory, state, standing((0.0, 0.0)), far, np.array([0.1]))
     assert not len(recall(memory, state, NOTHING, far))
 

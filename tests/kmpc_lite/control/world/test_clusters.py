@@ -1,4 +1,4 @@
-"""Small things that stand free in a scan become circles, and who walks among them is found."""
+"""Small things that stand free in a scan become circles, and what walks among them is found."""
 
 import math
 

@@ -17,7 +17,7 @@ DT = 0.1
 
 
 def walk(start: Array, velocity: Array, steps: int, turn_rate: float = 0.0) -> Array:
-    """Places (steps, 2) of somebody who walks."""
+    """Places (steps, 2) of a pedestrian that walks."""
     places, heading = [np.array(start, dtype=float)], 0.0
     for _ in range(steps - 1):
         step = np.array(rotate(velocity[0], velocity[1], heading))
@@ -102,7 +102,7 @@ def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track(
     seen = seen + 0.01 * random.normal(size=seen.shape)
     turn, length, time = 2.0, 4.0, 2.0
     tracker = ObstacleTracker(DT)
-    # what is told in seconds is told in its own
+    # what is given in seconds is given in its own
     monkeypatch.setattr(tracks, "TURN_MEMORY", 4.0)
     monkeypatch.setattr(tracks, "TURN_RATE", 0.25)
     slower = TrackerOptions(acceleration=1 / 3)

@@ -1,4 +1,4 @@
-"""Poses that jump, come seldom or stand still are told of, and those of sound logs are not."""
+"""Poses that jump, come seldom or stand still are reported, and those of sound logs are not."""
 
 import re
 from collections.abc import Callable

@@ -19,7 +19,7 @@ def problem(reach: float, speed: float = 1.5) -> kl.NavigationProblem:
 
 
 def drive(reach: float) -> list[kl.Plan]:
-    """Past a circle that is told when it is within reach."""
+    """Past a circle that is given when it is within reach."""
     controller = kl.Controller(kl.nominal_unicycle(0.1), problem(reach))
     plant, pose, plans = DifferentialDrive(), np.array(START), []
     for _ in range(100):
