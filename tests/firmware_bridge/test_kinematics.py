@@ -50,14 +50,6 @@ def test_non_finite_commands_are_refused(command):
         ROSBOT.wheels(*command)
 
 
-def test_mirror_symmetry():
-    left, right = ROSBOT.wheels(0.5, 1.0)
-    assert ROSBOT.wheels(0.5, -1.0) == (right, left) and ROSBOT.wheels(-0.5, -1.0) == (
-        -left,
-        -right,
-    )
-
-
 def test_signs_and_order_of_the_channels():
     robot = {"wheel_radius": 0.1, "track": 0.5, "max_wheel_speed": 2.0, "gear_ratio": 3.0}
     plain = WheelGeometry(**robot)

@@ -13,7 +13,6 @@ from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.odometry import Steering, WheelOdometry
 from firmware_bridge.recording.recorder import HEADERS, RowSampler, Tick
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.safety.limits import Limits
 from firmware_bridge.wheels import Wheels, read_wheels
 from kmpc_lite import Car, Omni
 
@@ -75,14 +74,6 @@ def test_a_cars_wheels_are_steered_where_it_stands_and_then_take_it_round():
     radius = 1.0 / CAR.sharpest
     here = odometry.x, odometry.y, odometry.theta
     assert here == pytest.approx((radius, radius, math.pi / 2), abs=0.01)
-
-
-def test_the_gate_scales_and_ramps_all_three_speeds_alike():
-    limits = Limits(v_max=0.5, v_sideways=0.2, omega_max=1.0, acceleration=1.0)
-    assert limits.clip((0.4, 0.8, -0.4)) == pytest.approx((0.2, 0.4, -0.2))
-    assert limits.clip((0.4, 0.8, -0.1)) == (0.4, 0.8, -0.1)
-    risen = limits.slew((0.0, 0.0, 0.0), (0.1, 0.0, -0.2), 0.05)
-    assert risen == pytest.approx((0.025, 0.0, -0.05))
 
 
 @pytest.mark.parametrize("kind", ["car", "omni"])

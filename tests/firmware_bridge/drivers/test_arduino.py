@@ -54,21 +54,6 @@ def test_words_of_the_protocol(board, clock):
     assert board.stopped
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        b"V 2 100 100 300\n",
-        line("V 2 100 100 0"),
-        line("V -1 100 100 300"),
-        line("V 2 1e3 100 300"),
-        line("V 2 100 100 300 " + "1" * 40),
-    ],
-)
-def test_what_is_no_request_gets_no_answer(board, bad):
-    assert board.handle(bad) == b""
-    assert board.stopped
-
-
 def test_faults_and_restarts_are_reported(tmp_path):
     rig = Rig("arduino", f"pty:{tmp_path}/port").connect()
     for fault, word in (

@@ -1,12 +1,12 @@
 """Roboteq: the emulator against the words of the manual, and what only this driver does."""
 
 import pytest
-from boards import Rig, with_board
+from boards import Rig
 from waiting import until
 
-from firmware_bridge.drivers.roboteq import RoboteqDriver, RoboteqOptions
+from firmware_bridge.drivers.roboteq import RoboteqOptions
 from firmware_bridge.kinematics import WheelGeometry
-from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.messages import LinkError
 from kmpc_lab.emulator.roboteq import RoboteqEmulator
 
 OPTIONS = RoboteqOptions(counts_per_turn=4000)
@@ -70,8 +70,3 @@ def test_an_open_loop_board_is_refused_in_words(tmp_path):
     with pytest.raises(LinkError, match="mode 1 and 0, expected closed-loop speed: .MMOD 1 1"):
         rig.driver.connect(0.5)
     rig.close()
-
-
-def test_the_watchdog_outlasts_the_command_time_out():
-    with pytest.raises(ConfigError, match="command_timeout: expected less than the watchdog"):
-        RoboteqDriver.from_options(None, with_board("roboteq", watchdog=0.2))

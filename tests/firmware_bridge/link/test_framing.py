@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from firmware_bridge.drivers.vesc import VALUES
 from firmware_bridge.link.framing import (
     LINE_BYTES,
-    ROBOCLAW_BYTES,
     Lines,
     RoboClawPackets,
     RoboClawReplies,
@@ -93,20 +92,6 @@ def test_roboclaw_reply_for_another_command_or_address_is_no_answer():
     assert replies.feed(roboclaw_reply(0x80, 79, bytes(range(8)))) is None
     assert replies.feed(roboclaw_reply(0x81, 78, bytes(range(8)))) is None
     assert replies.feed(roboclaw_reply(0x80, 78, bytes(range(8)))) == bytes(range(8))
-
-
-def test_roboclaw_noise_is_not_searched_for_long(monkeypatch):
-    """Each byte of a flood was tried as the beginning of an answer, under the lock of the gate."""
-    replies, tried = RoboClawReplies(), []
-    match = RoboClawReplies._match
-    monkeypatch.setattr(
-        RoboClawReplies, "_match", lambda self, at: tried.append(at) or match(self, at)
-    )
-    replies.expect(0x80, 78, 8)
-    noise = bytes(64 * 1024)
-    assert replies.feed(noise) is None and len(tried) <= ROBOCLAW_BYTES
-    assert replies.feed(noise[:100] + roboclaw_reply(0x80, 78, b"12345678")) == b"12345678"
-    assert replies.bad == 65536 + 100
 
 
 def test_vesc_corrupt_length_loses_no_later_frame():

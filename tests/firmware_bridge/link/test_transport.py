@@ -1,8 +1,6 @@
 """Transports over real descriptors: pseudo-terminals, TCP, UDP."""
 
 import os
-import select
-import time
 
 import pytest
 from free_port import free_port
@@ -135,20 +133,3 @@ def test_a_callback_that_raises_takes_the_link_down_and_not_the_thread(tmp_path,
         lambda: heard[-1:] == [b"fine"]
     )
     bridge.close()
-
-
-def test_an_idle_link_sleeps(url, opened, monkeypatch):
-    board, bridge = opened(serve(url)), opened(open_transport(url))
-    bridge.transport.write(b"x")
-    assert until(lambda: board.data == b"x")
-    polls, own = [], (board.transport, bridge.transport)
-
-    def poll(self, *args):
-        # links of other tests may still be closing
-        if self in own:
-            polls.append(args)
-        return select.poll().poll(100) or set()
-
-    monkeypatch.setattr(ThreadedTransport, "_poll", poll)
-    time.sleep(0.2)
-    assert polls == []

@@ -57,14 +57,6 @@ def test_stop_goes_through_the_latch_of_kmpc_estop(tmp_path):
         assert seen[0] == "stop" and seen[-2:] == ["reset", "enable"]
 
 
-def test_enabling_obeys_the_reason_that_the_gate_has(tmp_path):
-    with bridge(tmp_path, "its frame may have moved") as (link, stop, seen):
-        press(link, "stop")
-        answer = again(link)
-        assert not answer["ok"] and answer["why"] == ["its frame may have moved"]
-        assert "enable" not in seen and not stop.latched  # cleared, and it stands
-
-
 def test_a_stop_that_no_bridge_confirms_says_so_and_is_kept_on_disk(tmp_path):
     with bridge(tmp_path) as (link, stop, _):
         stop.close()

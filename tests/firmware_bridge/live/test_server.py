@@ -156,22 +156,6 @@ def test_a_page_keeps_a_connection_for_its_stop_however_many_others_come():
         connection.close()
 
 
-def test_a_line_is_for_a_stop_alone_and_not_for_a_flood():
-    with served() as (link, _, _):
-        url = urlsplit(link)
-        for others in ("line", "first"):
-            connection, post = line(link)
-            assert post("line") == "keep-alive" and post(others) == "close"
-            assert connection.sock is None
-        # a browser that opens its stream anew may take the line for it
-        with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
-            head = f"HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode()
-            sock.sendall(b"POST " + url.path.encode() + b"line " + head)
-            assert b"keep-alive" in sock.recv(4096)
-            sock.sendall(b"GET " + url.path.encode() + b"events " + head)
-            assert b"text/event-stream" in sock.recv(4096)
-
-
 def test_an_address_that_cannot_be_had_is_reported_with_its_option():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         with pytest.raises(LiveError, match="--live-port"):

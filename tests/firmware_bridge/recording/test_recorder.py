@@ -91,18 +91,6 @@ def test_a_row_holds_one_plans_command(tmp_path, pause):
     assert len(v) > 20 and np.allclose(v, np.round(v), atol=1e-3)
 
 
-def test_by_hand_the_measured_speeds_stand_in_for_commands():
-    sampler = RowSampler(0.1, by_hand=True)
-    rows = []
-    for k in range(200):
-        t = 10.0 + k * TICK
-        rows += sampler.take(Tick(t, State(0.4 * t, 0.0, 0.0, 0.4, 0.1, t), None, True))
-    assert len(rows) > 30
-    assert np.allclose([r[4:] for r in rows], (0.4, 0.1)) and np.allclose(
-        np.diff([r[0] for r in rows]), 0.1
-    )
-
-
 def test_a_pose_that_is_not_finite_leaves_its_rows_out():
     sampler = RowSampler(0.1)
     rows = []

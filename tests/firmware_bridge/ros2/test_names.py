@@ -2,7 +2,6 @@
 
 import pytest
 
-from firmware_bridge.messages import ConfigError
 from firmware_bridge.ros2 import message_types
 from firmware_bridge.ros2.names import (
     PUBLISHER,
@@ -11,9 +10,7 @@ from firmware_bridge.ros2.names import (
     Seen,
     TopicKey,
     read_token,
-    resolve,
 )
-from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
 
 NODE = NodeKey(7, "b0273db5eb9f463fd779148776b180d5", "/robot/one", "kmpc")
 TOPIC = TopicKey("/robot/one/odom", "nav_msgs/msg/Odometry", "RIHS01_3c")
@@ -77,24 +74,3 @@ def test_type_hashes_are_those_that_the_independent_client_computes(distribution
         inner = {name.replace("/", "/msg/", 1): body for name, body in parts}
         theirs = utils.get_type_hash(kind, msg_definition=text, dependencies=inner)
         assert types.type_hash(kind) == theirs, kind
-
-
-def test_hashes_of_the_distributions() -> None:
-    pytest.importorskip("rosbags", reason="the extra ros2 is not installed")
-    twist = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
-    assert message_types.MessageTypes("jazzy").type_hash(message_types.TWIST) == twist
-    # as CARLA's simulator publishes it
-    steered = "RIHS01_48ca7612a08d3bb72744fd98b71b7cf2ea24c6ad50fa4e1aa0bbad963c90d8cf"
-    types = message_types.MessageTypes("jazzy")
-    assert types.type_hash(ACKERMANN_STAMPED) == steered
-    assert message_types.MessageTypes("humble").type_hash(message_types.TWIST) == (
-        "TypeHashNotSupported"
-    )
-
-
-@pytest.mark.parametrize(
-    "name", ["", "/", "1st", "a b", "a//b", "a/", "/a/*", "**", "a" * 300, "ä", "a%b", "a/$*"]
-)
-def test_names_that_are_none_are_refused(name: str) -> None:
-    with pytest.raises(ConfigError, match="expected a ROS name"):
-        resolve(name, "/", "topic")

@@ -25,18 +25,6 @@ def at(made, clock, x, y=0.0, theta=0.0, after=0.1, driving=True):
     made(State(x, y, theta, 0.0, 0.0, clock()), Moment(driving))
 
 
-def test_a_vehicle_that_is_never_given_ends_the_run():
-    """The run waited for ever: the time counted from the first command only."""
-    clock = Clock()
-    made = navigator(clock)
-    assert not made.finished()
-    at(made, clock, 0.0, after=19.0, driving=False)
-    assert not made.finished()
-    clock.now += 2.0
-    assert made.finished()
-    assert not made.drove
-
-
 def test_a_robot_that_stands_inside_an_obstacle_is_not_driven_and_says_so():
     """It drove, from inside a wall, for all its time: the frame's origin was wrong."""
     clock, task = Clock(), Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: [])

@@ -63,15 +63,6 @@ def test_sectors_that_see_the_robot_are_unknown():
     assert np.isnan(scan.ranges).sum() == pytest.approx(0.4 / math.tau * BEAMS, abs=2)
 
 
-@pytest.mark.parametrize("count", [250, 363, 450, 1000])
-def test_any_number_of_beams_fills_the_scan(count):
-    ranges = np.full(count, 2.0)
-    ranges[count // 3] = 1.5
-    scan = still(ranges)
-    assert len(scan.ranges) == BEAMS and not np.isnan(scan.ranges).any()
-    assert at(scan, -math.tau * (count // 3) / count) == pytest.approx(1.5)
-
-
 @pytest.mark.parametrize(("v", "omega"), [(1.0, 0.0), (0.0, 1.5), (0.8, -1.2)])
 def test_the_motion_during_a_turn_is_undone(v, omega):
     """A robot that drives sees a round pillar round, and where it is."""

@@ -29,21 +29,6 @@ class TestArming:
 class TestModes:
     """Mode changes and what the heartbeat shows of them."""
 
-    def test_a_change_is_shown_at_once(self) -> None:
-        ground = Ground()
-        ground.run(3.0)
-        answers = ground.ask(
-            dialect.MAVLink_command_long_message(1, 1, 176, 0, 1, HOLD, 0, 0, 0, 0, 0)
-        )
-        beats = [m for m in answers if m.get_type() == "HEARTBEAT"]
-        assert (
-            beats[0].custom_mode,
-            beats[0].base_mode & 1,
-            beats[0].system_status,
-            beats[0].type,
-            beats[0].autopilot,
-        ) == (4, 1, 3, 10, 3)
-
     def test_what_is_not_emulated_is_refused(self) -> None:
         ground = Ground()
         ground.run(3.0)

@@ -66,18 +66,3 @@ def test_braking_takes_the_measured_distance() -> None:
     assert physics.pose[0] - start == pytest.approx(0.225, abs=0.02)
     assert physics.stopped
     assert speeds.min() >= 0.0, "a brake does not reverse"
-
-
-def test_the_floor_slips_as_asked_and_the_same_for_the_same_seed() -> None:
-    def far(slip: float, seed: int, gain: float = 1.0) -> tuple[float, float, float]:
-        physics = RoverPhysics(slip, gain, seed)
-        run(physics, Demand(0.5, 0.2), 10.0)
-        return physics.pose
-
-    assert far(0.0, 1) == far(0.0, 2)
-    assert far(0.1, 1) == far(0.1, 1)
-    assert far(0.1, 1) != far(0.1, 2)
-    assert far(0.0, 0, 0.5)[2] == pytest.approx(0.5 * far(0.0, 0)[2])
-    assert far(0.1, 1)[2] == pytest.approx(1.1 * far(0.0, 1)[2], rel=0.03), (
-        "the slip's mean is in the heading"
-    )

@@ -20,21 +20,6 @@ class TestTelemetry:
     def test_at_most_forty_hertz(self, interval: float, result: int) -> None:
         assert Ground().command(511, 30.0, interval) == result
 
-    @pytest.mark.parametrize(("rate", "message"), [(40.0, 30), (10.0, 32), (4.0, 193), (1.0, 1)])
-    def test_the_rate_is_kept(self, rate: float, message: int) -> None:
-        ground = Ground()
-        ground.run(3.0)
-        assert ground.command(511, message, 1e6 / rate) == ACCEPTED
-        ground.heard.clear()
-        ground.run(10.0)
-        assert sum(m.get_msgId() == message for m in ground.heard) == pytest.approx(
-            10.0 * rate, abs=1.0
-        )
-        assert ground.command(511, message, -1.0) == ACCEPTED
-        ground.heard.clear()
-        ground.run(5.0)
-        assert not [m for m in ground.heard if m.get_msgId() == message]
-
     def test_one_message_on_request(self) -> None:
         ground = Ground()
         assert ground.command(512, 148.0) == ACCEPTED

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drive_kinds import every_kind
 
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.encoder import DriveEncoder
@@ -38,29 +37,6 @@ def test_a_recorded_drive_is_the_same_run(
     assert (details.margins[:, :-1] > 0.0).all() and details.margins.max() < 0.5
     assert len(details.circles) == len(run.inputs), "one of them moves"
     assert details.paths[details.path_of[-1]][-1] == pytest.approx(run.scenario.goal[:2], abs=0.1)
-
-
-def test_what_else_a_drive_holds_is_read(scenario: Scenario, tmp_path: Path) -> None:
-    path = tmp_path / "all.mcap"
-    path.write_bytes(every_kind(scenario))
-    run = load_drive(path)
-    details = run.details
-    assert details is not None and run.info == {"kind": "driven", "ended": "so"}
-    assert [(round(t, 3), s, r) for t, s, r in details.gates] == [
-        (0.0, "ACTIVE", ()),
-        (0.1, "STOPPING", ("link down",)),
-    ]
-    assert details.health[0][1]["counters"] == {"frames": 3} and details.health[0][1]["age"] is None
-    assert details.notes[-1][1:] == ("<b>a note</b>", True)
-    assert details.pose_ages.tolist() == [0.02]
-    assert details.measured.shape == (1, 4) and details.sent.round(3).tolist() == [
-        [-0.1, 0.3, -0.2]
-    ]
-    ((_, scan),) = details.scans
-    first, second = scan.points
-    np.testing.assert_allclose(first, [np.cos(0.5), np.sin(0.5)], atol=1e-6)
-    np.testing.assert_allclose(second, [2 * np.cos(0.8), 2 * np.sin(0.8)], atol=1e-6)
-    assert scan.unknown.any() or scan.clear.any()
 
 
 def test_a_part_of_a_drive_is_shown(

@@ -92,10 +92,6 @@ def opened(browser: Browser, file: Path, at: str = "", **how: Any) -> Page:
     return page
 
 
-def clock(page: Page) -> float:
-    return float(page.text("#clock").split()[0])
-
-
 @needs_browser
 @pytest.mark.parametrize("how", [{}, {"width": 390, "height": 844, "touch": True}])
 def test_it_fits_asks_for_nothing_and_runs_nothing_of_the_drive(
@@ -112,29 +108,6 @@ def test_it_fits_asks_for_nothing_and_runs_nothing_of_the_drive(
         ".map((e) => e.getBoundingClientRect()).filter((b) => b.height < 39 || b.width < 39).length"
     )
     assert small == 0, "fingers need room"
-
-
-@needs_browser
-def test_keys_play_pause_and_step(browser: Browser, file: Path) -> None:
-    page = opened(browser, file)
-    assert clock(page) == 0.0 and page.text("#play") == "Play"
-    page.press("ArrowRight")
-    page.press("ArrowRight")
-    assert clock(page) == pytest.approx(0.2) and "At 0.20 s: solved" in page.text("#now")
-    page.press("ArrowLeft")
-    assert clock(page) == pytest.approx(0.1)
-    page.press("End")
-    assert clock(page) == pytest.approx(0.1 * (STEPS - 1))
-    page.press("Home")
-    page.press(" ")
-    assert page.text("#play") == "Pause"
-    page.wait("parseFloat(document.querySelector('#clock').textContent) > 0.15")
-    page.press(" ")
-    assert page.text("#play") == "Play"
-    stands = clock(page)
-    page.run("new Promise((done) => setTimeout(done, 100))")
-    assert clock(page) == stands
-    page.wait("document.querySelector('#said').textContent.startsWith('At ')")
 
 
 @needs_browser

@@ -38,13 +38,6 @@ def die(_: int) -> int:
     return 0
 
 
-def slow(folder: Path, value: int) -> int:
-    """Say which process works on a task, and take a moment."""
-    (folder / f"{value}-{os.getpid()}").touch()
-    time.sleep(0.1)
-    return 2 * value
-
-
 def study(runner: Executor, **options: Any) -> list[dict[str, Any]]:
     rows = maps_study([LEARNED], Work(runner), slips=(0.1,), maps=2, training=SMALL, **options)
     return [{key: row[key] for key in row if "step" not in key} for row in rows]
@@ -134,24 +127,3 @@ def test_rows_are_the_same_whatever_runs_them(scheduler: str) -> None:
         assert study(processes) == here
     with executor(cluster=scheduler) as cluster:
         assert study(cluster) == here
-
-
-def test_a_killed_worker_of_a_cluster_loses_nothing(scheduler: str, tmp_path: Path) -> None:
-    import distributed
-
-    with ExitStack() as stack:
-        runner = stack.enter_context(executor(cluster=scheduler))
-        second = stack.enter_context(running(*worker_command(scheduler, tmp_path)))
-        with distributed.Client(scheduler, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=120)
-        folder = tmp_path / "tasks"
-        folder.mkdir()
-        found: list[int] = []
-        jobs = {runner.submit(slow, folder, value): found.append for value in range(40)}
-        deadline = time.monotonic() + 120.0
-        while not list(folder.glob(f"*-{second.pid}")):  # it has begun
-            assert time.monotonic() < deadline, "the second worker does nothing"
-            time.sleep(0.05)
-        second.kill()
-        gather(jobs)
-        assert sorted(found) == [2 * value for value in range(40)]

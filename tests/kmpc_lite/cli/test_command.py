@@ -96,16 +96,6 @@ def test_help_and_version_import_nothing_heavy() -> None:
                 assert build_parser(known_commands(), words).parse_args(words).run
 
 
-def test_python_dash_m_is_the_same_command() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "kmpc_lite", "--version"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, "") and done.stdout.startswith("kmpc_lite ")
-
-
 def test_both_projects_have_one_version() -> None:
     assert LABS["version"] == ROBOTS["version"] == kmpc_lab.__version__ == kmpc_lite.__version__
     assert LABS["dependencies"] == [f"kmpc-lite=={ROBOTS['version']}"]

@@ -81,15 +81,6 @@ def test_a_pose_that_was_lost_is_believed_where_the_robot_can_have_come_to(
     assert waiting(plans) == [] and plans[-1].holding
 
 
-def test_a_robot_that_was_carried_while_its_pose_was_lost_waits_until_poses_agree() -> None:
-    controller = kl.Controller(kl.nominal_unicycle(DT))
-    lost, carried = range(NO_STEPS, NO_STEPS + 100), np.array([0.0, -1.5, 0.0])
-    plans, _ = drive(
-        controller, lambda k: np.full(3, np.nan) if k in lost else (k >= NO_STEPS) * carried, 150
-    )
-    assert waiting(plans) == list(range(lost.stop, lost.stop + 20))
-
-
 @pytest.mark.parametrize("lost", [(), (NO_STEPS + 1,), (NO_STEPS + 20,)])
 @pytest.mark.parametrize("comes_back", [True, False])
 def test_what_scans_showed_is_forgotten_where_poses_stay_elsewhere(

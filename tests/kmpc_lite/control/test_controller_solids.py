@@ -17,30 +17,6 @@ def cells(*occupied: tuple[int, int, int, int], size: int = 80) -> kl.OccupancyG
     return kl.OccupancyGrid(grid, 4.0 / size, (-2.0, -2.0, 0.0))
 
 
-@pytest.mark.parametrize(
-    "solid",
-    [
-        kl.Wall(0.12, -1.0, 0.12, 1.0),
-        kl.Polygon([(0.12, -1.0), (1.0, -1.0), (1.0, 1.0), (0.12, 1.0)]),
-        cells((43, 20, 46, 60)),
-    ],
-    ids=["wall", "polygon", "grid"],
-)
-def test_a_robot_that_touches_a_solid_gets_free_gently(
-    nominal: kl.KoopmanModel, solid: kl.Wall
-) -> None:
-    """The centre is nearer than the radius, and the goal lies on the robot's side."""
-    controller, x = kl.Controller(nominal), np.array([0.0, 0.0, 0.0])
-    gaps = []
-    for _ in range(60):
-        plan = controller.step(x, (-1.2, 0.3, 0.0), [solid])
-        x = nominal.predict(x, plan.command)
-        gaps.append(plan.clearance)
-        # it never goes deeper
-        assert x[0] <= 0.0 + 2e-3
-    assert np.hypot(x[0] + 1.2, x[1] - 0.3) < 0.05
-
-
 def test_solids_that_cannot_be_meant_give_a_safe_plan_not_an_error(
     nominal: kl.KoopmanModel,
 ) -> None:

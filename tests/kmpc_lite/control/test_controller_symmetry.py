@@ -70,25 +70,6 @@ def test_whole_turns_of_pose_and_goal_change_nothing(
         x = nominal.predict(x, one.command)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_crossing_pi_is_not_noticed(variant: str, nominal: kl.KoopmanModel) -> None:
-    # a sensor that wraps its heading, and one that does not
-    wraps, counts = (
-        kl.Controller(nominal, **VARIANTS[variant]),
-        kl.Controller(nominal, **VARIANTS[variant]),
-    )
-    x, crossed = np.array([0.0, 0.0, 2.9]), False
-    for _ in range(12):
-        wrapped = x.copy()
-        wrapped[2] = np.remainder(x[2] + np.pi, 2 * np.pi) - np.pi
-        crossed |= abs(wrapped[2] - x[2]) > 1.0
-        one, other = wraps.step(wrapped, (-1.0, -0.6, -2.6)), counts.step(x, (-1.0, -0.6, -2.6))
-        np.testing.assert_allclose(one.command, other.command, atol=1e-6)
-        assert np.abs(np.diff(one.states[:, 2])).max() < 0.5
-        x = nominal.predict(x, one.command)
-    assert crossed
-
-
 def test_the_shorter_turn_is_taken(nominal: kl.KoopmanModel) -> None:
     for heading, goal, sign in (
         (3.0, -3.0, 1.0),

@@ -43,17 +43,3 @@ def test_a_suspect_log_is_refused_by_both_doors_and_taken_by_both_if_forced(
     for mine, theirs in zip(one.episodes, other.episodes, strict=True):
         np.testing.assert_array_equal(mine.states, theirs.states)
         np.testing.assert_array_equal(mine.inputs, theirs.inputs)
-
-
-def test_what_a_user_says_of_units_is_heard_before_a_log_is_judged(
-    table: np.ndarray, tmp_path: Path
-) -> None:
-    path = tmp_path / "run.csv"
-    scales = SUSPECT["theta is in degrees"]
-    np.savetxt(path, table * scales, delimiter=",", header=HEADER, comments="")
-    mended, good = (
-        kl.Dataset.load(path, units={"theta": "deg"}),
-        kl.Dataset.load(tmp_path / "good.csv"),
-    )
-    for mine, theirs in zip(mended.episodes, good.episodes, strict=True):
-        np.testing.assert_allclose(mine.states, theirs.states, atol=1e-9)

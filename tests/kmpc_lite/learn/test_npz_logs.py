@@ -12,21 +12,6 @@ import kmpc_lite as kl
 pytestmark = pytest.mark.usefixtures("no_warnings")
 
 
-def test_arrays_of_any_real_type_and_others_not_looked_at(tmp_path: Path) -> None:
-    columns = {
-        name: np.arange(4, dtype=kind)
-        for name, kind in zip(HEADER.split(","), ["f4", "i8", "u1", "f8", "i2", "f2"], strict=True)
-    }
-    np.savez(
-        tmp_path / "run.npz",
-        **columns,
-        note=np.array(["a", "b"]),
-        pickled=np.array([object], dtype=object),
-    )
-    data = kl.Dataset.load(tmp_path / "run.npz")
-    np.testing.assert_array_equal(data.episodes[0].states[:, 0], np.arange(4.0))
-
-
 def columns(**changed: Any) -> dict[str, Any]:
     """Arrays of a good npz log, some of them replaced."""
     time = 0.1 * np.arange(5)

@@ -93,21 +93,6 @@ def test_what_a_deadman_switch_holds_back_is_left_out_with_a_line(tmp_path):
     assert any("nothing obeyed the commands" in line for line in told)
 
 
-def test_positions_of_a_servo_and_curvatures_need_no_wheelbase(tmp_path):
-    rows = car_rows()
-    curvature = np.tan(rows[:, 5]) / 0.33
-    for name, column in (("servo", 0.5 - 0.2 * curvature), ("curvature", curvature)):
-        rows[:, 5] = column
-        data = load_logs([written(tmp_path, rows, name)], 0.1)
-        assert data.steered
-        model = kl.fit(data, lags="auto")
-        turned = model.predict((0, 0, 0), (0.5, 0.5), np.tile((0.5, 0.5), (model.history, 1)))[2]
-        assert turned == pytest.approx(0.05, rel=0.2)
-        np.testing.assert_array_equal(
-            model.predict((1, 2, 3), (0, 0), np.zeros((model.history, 2))), (1, 2, 3)
-        )
-
-
 def test_a_robot_that_turns_where_it_stands_is_no_car(tmp_path):
     random, pose, rows = np.random.default_rng(0), np.zeros(3), []
     for k in range(1200):

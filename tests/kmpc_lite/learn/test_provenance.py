@@ -10,7 +10,6 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.learn.provenance import (
     describe_making,
-    driven_speeds,
     format_making,
     read_vehicle,
 )
@@ -65,20 +64,6 @@ def test_a_remark_that_is_none_is_refused_in_one_line(tmp_path: Path, first: str
     with pytest.raises(kl.DataError, match="a.csv: line 1: the remark") as error:
         read_vehicle([write(tmp_path / "a.csv", first)])
     assert "\n" not in str(error.value)
-
-
-def test_a_speed_counts_that_was_driven_for_half_a_second() -> None:
-    inputs = np.zeros((200, 2))
-    inputs[:50] = 0.4, 0.7
-    inputs[60:63] = 2.0, 5.0
-    inputs[80:100] = -0.1, -0.9
-    data = kl.Dataset([kl.Episode(np.zeros((201, 3)), inputs, 0.1)])
-    assert driven_speeds(data) == {"forward": 0.4, "reverse": 0.1, "turn": 0.9}
-    assert driven_speeds(kl.Dataset([kl.Episode(np.zeros((51, 3)), inputs[:50], 0.1)])) == {
-        "forward": 0.4,
-        "reverse": 0.0,
-        "turn": 0.7,
-    }
 
 
 def test_a_model_file_keeps_it_and_a_damaged_one_is_refused(tmp_path: Path) -> None:

@@ -166,23 +166,6 @@ def test_integral_recovers_a_continuous_bilinear_system(dictionary: kl.Dictionar
     assert errors[1] < 3e-6 and errors[1] < errors[0] / 8
 
 
-@pytest.mark.parametrize(
-    "dictionary",
-    [UNICYCLE, TRIG, kl.HermiteTrigDictionary(1), kl.InputHistoryDictionary(UNICYCLE, lags=(0, 1))],
-)
-def test_the_integral_fit_finds_the_unicycle(dictionary: kl.Dictionary) -> None:
-    model = kl.fit(drives(episodes=40, steps=100), dictionary)
-    random = np.random.default_rng(5)
-    x, u, past = (
-        random.uniform(-1.0, 1.0, (50, 3)),
-        random.uniform(-1.0, 1.0, (50, 2)),
-        random.uniform(-1.0, 1.0, (50, model.history, 2)),
-    )
-    np.testing.assert_allclose(
-        model.predict(x, u, past), kl.nominal_unicycle(0.1).predict(x, u), atol=2e-7
-    )
-
-
 @pytest.mark.parametrize("method", ["integral", "edmdc"])
 @pytest.mark.parametrize("distance", [100.0, 10_000.0])
 def test_a_drive_far_from_the_origin_fits_as_well_or_says_so(method: Any, distance: float) -> None:

@@ -29,23 +29,6 @@ def test_windows_cut_without_losing_a_step() -> None:
 # resampling
 
 
-@pytest.mark.parametrize("dt", [0.1, 0.05, 0.03, 0.25, 0.17])
-def test_a_drive_at_constant_speed_resamples_exactly(dt: float) -> None:
-    speed = np.array([0.3, -0.2, 0.7])
-    time = 0.1 * np.arange(31)
-    drive = kl.Episode(
-        np.array([1.0, 2.0, 3.0]) + time[:, None] * speed, np.tile([0.4, 0.7], (30, 1)), 0.1
-    )
-    again = drive.resample(dt)
-    assert again is not None and len(again) == int(3.0 / dt + 1e-9) and again.dt == dt
-    np.testing.assert_allclose(
-        again.states,
-        np.array([1.0, 2.0, 3.0]) + dt * np.arange(len(again) + 1)[:, None] * speed,
-        atol=1e-12,
-    )
-    np.testing.assert_allclose(again.inputs, np.tile([0.4, 0.7], (len(again), 1)), atol=1e-12)
-
-
 @pytest.mark.parametrize("dt", [0.05, 0.2, 0.3, 0.5, 1.0])
 def test_resampling_conserves_what_was_commanded(dt: float) -> None:
     drive = wandering(60, 0.1)

@@ -96,16 +96,6 @@ def test_a_turning_centre_beside_the_pose_is_found() -> None:
     assert found.rows.along[1] == pytest.approx(-0.08, abs=0.01)
 
 
-def test_a_robot_that_answers_at_once_gets_no_history() -> None:
-    for seed in range(3):
-        data = kmpc_lab.generate_dataset(
-            kmpc_lab.DifferentialDrive(0.1, seed), 10, 100, 0.1, seed=seed
-        )
-        model = kl.fit(data, TRIG, lags="auto")
-        assert model.history == 0
-        assert model.info["response"]["speed"] == model.info["response"]["turn"] == [0.0, 0.0]
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_a_nominal_robot_stays_nominal(seed: int) -> None:
     train, _ = nominal_log(90_000 + seed).windows(5.0).split(0.5)

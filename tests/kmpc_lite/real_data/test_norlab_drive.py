@@ -79,17 +79,6 @@ def test_input_history_helps(robot: str, dt: float, lags: tuple[int, ...]) -> No
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_learned_turn_rate_is_that_of_the_readme(robot: str) -> None:
-    model = kl.fit(halves(robot, 0.05)[0], TRIG)
-    ratio = {"warthog": 0.63, "husky": 0.37}[robot]
-    turned = (
-        model.rollout(np.zeros(3), np.tile([0.0, 1.0], (20, 1)))[-1, 2]
-        - model.rollout(np.zeros(3), np.zeros((20, 2)))[-1, 2]
-    )
-    assert turned == pytest.approx(ratio, abs=0.05)
-
-
-@pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("dictionary", [TRIG, HISTORY])
 def test_the_covariance_of_a_step_is_that_of_the_residuals(
     robot: str, dictionary: kl.Dictionary

@@ -151,21 +151,6 @@ def test_a_missing_file_and_an_unknown_name_are_distinguished(tmp_path: Path) ->
         Scenario.load(tmp_path)
 
 
-def test_the_problem_has_the_maps_bounds_and_keeps_the_rest() -> None:
-    scenario = replace(
-        Scenario.load("four_circles_1"), bounds=(-1.0, -3.0, 2.0, 4.0), radius=0.2, margin=0.07
-    )
-    problem = scenario.problem(kl.NavigationProblem(horizon=7, dt=0.05))
-    np.testing.assert_array_equal(problem.bounds[2], [-1.0, -3.0, -np.inf])
-    np.testing.assert_array_equal(problem.bounds[3], [2.0, 4.0, np.inf])
-    assert (problem.robot_radius, problem.margin, problem.horizon, problem.dt) == (
-        0.2,
-        0.07,
-        7,
-        0.05,
-    )
-
-
 def test_a_scenario_made_in_code_is_checked_as_a_file_is() -> None:
     good = Scenario.load("mehrez")
     with pytest.raises(kl.ScenarioError, match="goal"):

@@ -98,18 +98,6 @@ def test_a_corrupt_byte_costs_one_frame(byte: int) -> None:
         assert codec.counters["skipped_bytes"] == len(frames[1])
 
 
-def test_a_frame_cut_in_the_middle_does_not_hold_up_the_next() -> None:
-    first, second = attitudes(2)
-    codec = MavlinkCodec(255, 190)
-    assert received(codec, first[:20] + second, 5.0) == [1001]
-    codec = MavlinkCodec(255, 190)
-    assert (
-        received(codec, b"\xfd\xff\x00\x00\x00\x01\x01\x1e\x00\x00", 5.0) == []
-    )  # says that 255 bytes follow
-    assert received(codec, first, 5.1) == []
-    assert received(codec, second, 5.0 + STALLED) == [1000, 1001]
-
-
 @pytest.mark.parametrize("thousands", [200, pytest.param(1000, marks=pytest.mark.long)])
 def test_random_bytes(thousands: int) -> None:
     noise, codec, good = random.Random(7), MavlinkCodec(255, 190), b"".join(attitudes(3))

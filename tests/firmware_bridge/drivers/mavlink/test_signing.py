@@ -9,7 +9,7 @@ from mavlink_rig import Rig, dialect
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, signing_time
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.signing import PERIOD, SigningStamp
+from firmware_bridge.drivers.mavlink.signing import SigningStamp
 from firmware_bridge.messages import ConfigError
 from kmpc_lab.emulator.rover.autopilot import HOLD
 
@@ -140,17 +140,6 @@ def test_a_recording_is_refused_after_a_start_without_a_clock(tmp_path: Path) ->
     assert len(restarted.feed(vehicle.encode(beat), 0.0)) == 1
     forgetful = MavlinkCodec(255, 190, key=KEY, wall_time=0.0)
     assert len(forgetful.feed(recording, 0.0)) == 1, "what the stamp is for"
-
-
-def test_the_stamp_is_written_seldom_and_only_forwards(tmp_path: Path) -> None:
-    stamp, path = SigningStamp(str(tmp_path / "key")), tmp_path / "key.stamp"
-    for now, newest, kept in ((0.0, 50, 50), (1.0, 60, 50), (PERIOD, 40, 50), (PERIOD, 70, 70)):
-        stamp.keep(newest, now)
-        assert int(path.read_text()) == kept
-    stamp.keep(99, float("inf"))
-    assert int(path.read_text()) == 99 and path.stat().st_mode & 0o777 == 0o600
-    assert [entry.name for entry in tmp_path.iterdir()] == ["key.stamp"]
-    SigningStamp(None).keep(5, 0.0)
 
 
 def test_a_stamp_that_cannot_be_kept_or_read_is_reported(tmp_path: Path) -> None:

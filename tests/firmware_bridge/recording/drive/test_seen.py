@@ -5,22 +5,8 @@ import pytest
 
 import kmpc_lite as kl
 from firmware_bridge.live.moment import last_step, numbers, plan_packet
-from firmware_bridge.recording.drive.seen import CORNERS, counted, outline
+from firmware_bridge.recording.drive.seen import counted, outline
 from kmpc_lite.control.world.sight.rays import Rays
-
-
-def test_an_outline_ends_at_what_was_hit_and_at_the_reach():
-    ranges = np.full(360, np.inf)
-    ranges[170:191] = 1.0  # a wall ahead
-    ranges[180] = np.nan  # a beam that did not come back
-    scan = kl.LaserScan(ranges, -np.pi, np.pi / 180, 4.0, mount=(0.2, 0.0, 0.0))
-    corners = outline(scan)
-    assert corners.shape == (CORNERS + 1, 2)
-    away = np.hypot(corners[:, 0] - 0.2, corners[:, 1])
-    ahead = np.abs(np.arctan2(corners[:, 1], corners[:, 0] - 0.2)) < np.radians(8.0)
-    np.testing.assert_allclose(away[ahead], 1.0)
-    assert np.isclose(away, 4.0).sum() > 0.9 * CORNERS
-    np.testing.assert_allclose(corners[0], corners[-1])  # all around: there is no seam
 
 
 def looked(scan: kl.LaserScan, footprint: kl.Footprint | None = None):

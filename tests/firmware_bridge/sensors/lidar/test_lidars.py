@@ -77,16 +77,6 @@ def test_bytes_that_are_lost_wrong_or_too_many_cost_few_beams(pair, fault):
     assert len(hit) > 30 and strange.mean() < 0.1
 
 
-def test_noise_on_the_line_gives_no_turn_and_is_reported(pair):
-    lidar, emulator = pair
-    emulator.faults.lost = emulator.faults.wrong = 0.5
-    time.sleep(0.3)
-    assert silent(lidar)
-    assert until(lambda: "no packet" in "".join(lidar.health().faults))
-    emulator.faults.lost = emulator.faults.wrong = 0.0
-    assert newer(lidar) and until(lambda: not lidar.health().faults)
-
-
 def test_a_stuck_motor_gives_no_turn_and_is_reported(pair):
     lidar, emulator = pair
     emulator.faults.stuck = True
@@ -146,14 +136,6 @@ def test_an_a2_has_its_motor_turned_and_stopped_by_pwm(tmp_path):
         assert emulator.pwm == 660 and "A2M8" in lidar.health().name
         lidar.close()
         assert until(lambda: emulator.pwm == 0 and not emulator.scanning)
-
-
-def test_an_rplidar_that_forgot_to_scan_is_started_again(tmp_path, monkeypatch):
-    monkeypatch.setattr("firmware_bridge.sensors.lidar.rplidar.SPIN_UP", 0.5)
-    with lidar_pair("rplidar", tmp_path / "l") as (lidar, emulator):
-        lidar.connect(10.0)
-        emulator.scanning = False
-        assert newer(lidar) and lidar.health().counters["starts"] == 2
 
 
 def test_a_serial_line_is_set_to_the_lidar_unless_given(monkeypatch):

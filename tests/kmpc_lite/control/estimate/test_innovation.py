@@ -66,21 +66,6 @@ def test_a_floor_that_slips_more_widens_the_margins_at_once():
     assert wary.speed_share(x, u, CIRCLES) > alarmed
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_even_a_model_without_noise_gets_room_on_a_slipping_floor(known):
-    model = slipping(0.0) if known else nominal_unicycle(0.1)
-    wary = Wary(model, PROBLEM)
-    drive_and_observe(wary, model, DifferentialDrive(0.2, seed=3), 50)
-    truth = slipping(0.2)
-    lin, states, inputs = plan(model)
-    felt = np.sqrt(np.linalg.eigvalsh(wary.covariances(lin, states, inputs)).mean())
-    expected = np.sqrt(np.linalg.eigvalsh(Wary(truth, PROBLEM).covariances(*plan(truth))).mean())
-    assert 0.7 * expected < felt < 3.0 * expected
-    # a model that expects this slip is not surprised by it
-    wary.update(truth)
-    assert wary.inflation < 2.0
-
-
 def test_standing_and_broken_poses_widen_nothing(model):
     wary = Wary(model, PROBLEM)
     wary.observe(np.array([0.1, 0.1, 0.0]), 0.0, np.zeros(2))

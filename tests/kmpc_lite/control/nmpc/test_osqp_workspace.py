@@ -19,23 +19,6 @@ def test_infeasible_problem_fails_rather_than_returning_garbage() -> None:
     box.assert_well()
 
 
-def test_unbounded_problem_fails() -> None:
-    zero, row = sparse.csc_matrix((2, 2)), sparse.csc_matrix(np.eye(2))
-    workspace = OSQPWorkspace(
-        zero, np.array([-1.0, 0.0]), row, np.zeros(2), np.full(2, np.inf), **EXACT
-    )
-    assert_failed(
-        workspace.solve(
-            np.array([-1.0, 0.0]),
-            np.zeros(2),
-            np.full(2, np.inf),
-            np.ones(2),
-            np.zeros(2),
-            np.zeros(2),
-        )
-    )
-
-
 def test_crossed_bounds_are_refused_and_old_data_is_not_used_instead(
     capfd: pytest.CaptureFixture[str],
 ) -> None:

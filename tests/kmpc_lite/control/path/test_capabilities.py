@@ -55,20 +55,6 @@ def test_the_slower_gear_is_for_ways_in_reverse_alone() -> None:
     assert seconds((0.6, 0.05, 0.8), 1.5, 0.0) < 1.5 / 0.05 / 2
 
 
-def test_the_controller_times_by_its_model_and_by_what_it_learns() -> None:
-    controller = kl.Controller(fitted(0.37), PROBLEM)
-    start, goal = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.5])
-
-    def time_left() -> float:
-        guide = GuideInUse(PROBLEM, controller.known.capabilities)
-        return guide.reference(start, goal, np.empty((0, 5))).time_left
-
-    slow = time_left()
-    controller.update_model(fitted(1.0))
-    quick = time_left()
-    assert slow == pytest.approx(quick / (1.05 * 0.37), rel=0.05)
-
-
 def test_how_sharply_a_car_drives_is_what_its_model_knows(nominal: kl.KoopmanModel) -> None:
     problem = kl.NavigationProblem(u_min=(-0.6, -1.5), u_max=(0.6, 1.5), wheels=kl.Car(0.4))
     assert capabilities(nominal, problem).curving == pytest.approx(1.0)

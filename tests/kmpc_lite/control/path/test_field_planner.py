@@ -124,14 +124,6 @@ def test_a_car_parks_between_others_by_changes_of_gear(gap):
     assert Solids(boxes).whole.least(places).min() > CART.circle_radius - 0.01
 
 
-def test_an_omni_goes_sideways_where_a_car_cannot():
-    boxes, goal = slot(1.4)
-    problem = replace(PROBLEM, footprint=CART)
-    asked = request((goal[0], 0.3, 0.0), goal, solids=boxes, footprint=CART)
-    path = search(Omni(), asked, problem)
-    assert np.ptp(path.poses[:, 2]) < 0.1 and path.times[-1] < 0.4
-
-
 def test_what_cannot_be_reached_is_reported_with_the_reason():
     walls = [kl.Wall(-2, 0.2, 2, 0.2, 0.02), kl.Wall(-2, -0.2, 2, -0.2, 0.02)]
     asked = request((-1, 0, 0), (1, 0, np.pi), solids=walls)

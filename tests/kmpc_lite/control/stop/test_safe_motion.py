@@ -151,16 +151,6 @@ def test_what_leads_past_a_thing_on_a_floor_that_pushes_is_slow_and_what_leads_a
     assert driven(0.5 * np.pi, -0.002, 0.01) == 1.0
 
 
-def test_a_robot_that_cannot_drive_turns_on_the_spot_unless_its_ends_swing() -> None:
-    ahead = np.array((0.6, 0.7))
-    motion = find(ahead, Surroundings(rows((0.3502, 0.0, 0.2))), slipping(0.2))
-    assert motion.inputs[0, 0] < 0.02 and abs(motion.inputs[0, 1]) >= 0.25 * 0.7 - 1e-9
-    post = rows((0.35, 0.285, 0.1))
-    assert abs(find(np.array((0.0, 0.78)), Surroundings(post), problem=CART).inputs[0, 1]) < 0.6
-    away = find(np.array((0.0, -0.78)), Surroundings(post), problem=CART)
-    assert not away.slowed
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_no_circle_of_a_long_robot_is_led_into_a_thing(seed: int) -> None:
     random, slowed = np.random.default_rng(seed), 0

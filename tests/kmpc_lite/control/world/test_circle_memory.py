@@ -25,12 +25,6 @@ def standing(*places: tuple[float, float]) -> Array:
     return np.array([[x, y, 0.2, 0.0, 0.0] for x, y in places])
 
 
-def known_to(robot: kl.Controller) -> Array:
-    """Things (K, 7) that a controller knows of."""
-    things = robot.state.circles.things
-    return np.empty((0, 7)) if things is None else things
-
-
 def at_distance(gap: float) -> Array:
     """Pose whose edge is so far from the edge of a circle at the origin."""
     return np.array((-(gap + 0.2 + PROBLEM.robot_radius), 0.0, 0.0))
@@ -104,20 +98,6 @@ def test_the_latest_are_remembered_where_there_are_too_many() -> None:
 
 def controller(problem: kl.NavigationProblem = PROBLEM) -> kl.Controller:
     return kl.Controller(kl.nominal_unicycle(0.1), problem)
-
-
-def test_the_path_leads_around_what_is_out_of_reach() -> None:
-    robot, blocks = controller(), [kl.Circle(0.0, 0.0, 0.4)]
-    robot.step(START, GOAL, blocks)
-    for _ in range(20):
-        robot.step(START, GOAL)
-    guide = robot.state.guide
-    assert guide is not None and guide.path is not None
-    away = np.hypot(*guide.path.at(np.linspace(0.0, guide.path.duration, 500))[:, :2].T)
-    assert away.min() > 0.4 + 0.15
-    robot.reset()
-    robot.step(START, GOAL)
-    assert not len(known_to(robot))
 
 
 def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:

@@ -11,12 +11,9 @@ from hypothesis import strategies as st
 
 import kmpc_lite as kl
 from kmpc_lite.control.world.boxes import BEHIND, GRID_COLUMNS
-from kmpc_lite.control.world.scene import Scene, SceneState, Solid
+from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.solids import Solids
 
-SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-
-LOOKUP = 0.3
 """How far the robot drives before what is near is looked up again [m]."""
 
 
@@ -194,22 +191,3 @@ def test_what_a_grid_leaves_out_lies_behind_what_it_names(seed: int) -> None:
             in_front = (boxes.grid.to_map(nearest) - points[point]) @ -normals[point].T
             outside = every[point] > 0.0
             assert (in_front >= distance[point] - BEHIND - 1e-12).any(axis=1)[outside].all()
-
-
-def test_the_same_solids_are_prepared_once() -> None:
-    scene, state = Scene(1.0, 1.0, LOOKUP), SceneState()
-    cells = np.zeros((20, 20), dtype=bool)
-    cells[5, 5] = True
-    first = [kl.Circle(1, 1, 0.1), kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)]
-    _, circles, solids, _ = scene.sort(state, first)
-    assert circles.tolist() == [[1.0, 1.0, 0.1, 0.0, 0.0]] and solids is not None
-    # the same objects, and equal ones, with a circle that has moved on
-    assert scene.sort(state, [kl.Circle(0.9, 1, 0.1), *first[1:]])[2] is solids
-    assert scene.sort(state, [kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)])[2] is solids
-    assert scene.sort(state, [kl.Polygon(SQUARE)])[2] is not solids
-    assert scene.sort(state, [kl.Circle(1, 1, 0.1)])[2] is None
-    assert scene.sort(state, np.empty((0, 5)))[2] is None
-    dot = np.array(5.0)
-    for wrong in ([None, kl.Polygon(SQUARE)], ["wall"], [(1.0, 2.0), kl.Polygon(SQUARE)], dot):
-        with pytest.raises(ValueError):
-            scene.sort(state, wrong)

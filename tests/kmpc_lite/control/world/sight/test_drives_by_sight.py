@@ -88,29 +88,6 @@ def test_a_mount_upside_down_and_turned_gives_the_same_drive() -> None:
         pose = plan.states[1]
 
 
-def test_a_robot_twice_as_large_drives_the_same_drive() -> None:
-    """Lengths and speeds doubled: the same numbers, to the last bit."""
-    small = kl.Controller(kl.nominal_unicycle(0.1))
-    large = kl.Controller(
-        kl.nominal_unicycle(0.1),
-        kl.NavigationProblem(
-            robot_radius=0.3,
-            u_min=(-1.2, -np.pi / 4),
-            u_max=(1.2, np.pi / 4),
-        ),
-    )
-    pose = START
-    for k in range(10):
-        scan = look(pose, k)
-        wide = kl.LaserScan(
-            2 * scan.ranges, scan.angle_min, scan.angle_increment, 2 * scan.range_max, noise=0.02
-        )
-        by = np.array([2.0, 2.0, 1.0])
-        plan, twin = small.step(pose, GOAL, [scan]), large.step(by * pose, by * GOAL, [wide])
-        np.testing.assert_array_equal(by * plan.states, twin.states)
-        pose = plan.states[1]
-
-
 def test_scans_stand_beside_other_obstacles_and_too_many_stop_the_robot() -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1))
     others = [kl.Circle(0.0, 0.5, 0.1), kl.Wall(-2.0, 2.0, 2.0, 2.0), look(START, 0)]

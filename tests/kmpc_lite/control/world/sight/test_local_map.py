@@ -173,19 +173,3 @@ def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: b
         passed = cell * (np.stack([column, row], axis=1) + np.array([-79.5, -59.5]))
         assert len(passed)
         assert ((passed > rays.low) & (passed < rays.high)).all()
-
-
-GLASS = np.where(np.abs(np.arange(BEAMS) - BEAMS // 2) < BEAMS // 20, np.nan, np.inf)
-
-
-@pytest.mark.parametrize("scans", [9, 11])
-def test_paths_lead_around_what_ten_scans_in_a_row_have_looked_at_in_vain(scans: int) -> None:
-    s, seen = sight(), None
-    for _ in range(scans):
-        seen = look(s, seen, GLASS)
-    found = View(s, seen, np.zeros(3)).solids(None)
-    assert (found is not None) == (scans > 10)
-    # a stop is short of it as of all that is unknown, and what is seen is free
-    assert seen.is_unknown(np.array([[0.5, 0.0]])).all()
-    seen = look(s, seen, np.full(BEAMS, np.inf))
-    assert View(s, seen, np.zeros(3)).solids(None) is None
