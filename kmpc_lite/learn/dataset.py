@@ -5,41 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.episode import MAX_ROWS, Episode, check_time
+from kmpc_lite.learn.pieces import Pieces, Transitions, gathered, joined, pieces_of, steps_of
 from kmpc_lite.types import Array
 
 CHUNK = 8192
 """Rows handled at once: what fits a small board's second-level cache."""
-
-
-class Transitions(NamedTuple):
-    """Single steps, gathered over episodes."""
-
-    x: Array
-    """States before, (n, 3)."""
-    u: Array
-    """Commands, (n, 2)."""
-    x_next: Array
-    """States after, (n, 3)."""
-    history: Array | None
-    """Commands before `u`, oldest first, (n, L, 2); None for L = 0."""
-
-
-class Pieces(NamedTuple):
-    """Equally long pieces of driving, gathered over episodes."""
-
-    states: Array
-    """(n, steps + 1, 3)."""
-    before: Array
-    """Commands before each piece, oldest first, (n, history, 2)."""
-    inputs: Array
-    """Commands of each piece, (n, steps, 2)."""
 
 
 class Dataset:
@@ -249,18 +225,13 @@ class Dataset:
 
         Pieces without a full input history are left out.
         """
-        batch: list[Pieces] = []
-        count = 0
-        for episode in self.episodes:
-            starts = np.arange(history, len(episode) - steps + 1, stride)
-            for k in range(0, len(starts), chunk):
-                batch.append(pieces_of(episode, starts[k : k + chunk], steps, history))
-                count += len(batch[-1].states)
-                if count >= chunk:
-                    yield joined(batch)
-                    batch, count = [], 0
-        if batch:
-            yield joined(batch)
+        parts = (
+            pieces_of(e, np.arange(k, min(k + chunk * stride, last), stride), steps, history)
+            for e in self.episodes
+            for last in [len(e) - steps + 1]
+            for k in range(history, last, chunk * stride)
+        )
+        return gathered(parts, chunk)
 
     def every_piece(
         self, steps: int, history: int = 0, stride: int = 1, most: int = MAX_ROWS
@@ -280,21 +251,9 @@ class Dataset:
 
         Steps without a full input history are left out.
         """
-        for part in self.pieces(1, history, chunk=chunk):
-            past = part.before if history else None
-            yield Transitions(part.states[:, 0], part.inputs[:, 0], part.states[:, 1], past)
-
-
-def pieces_of(episode: Episode, starts: Array, steps: int, history: int) -> Pieces:
-    """Pieces of one episode from its rows `starts` (n,) on."""
-    rows = starts[:, None]
-    return Pieces(
-        episode.states[rows + np.arange(steps + 1)],
-        episode.inputs[rows + np.arange(-history, 0)],
-        episode.inputs[rows + np.arange(steps)],
-    )
-
-
-def joined(batch: list[Pieces]) -> Pieces:
-    """Pieces one after another."""
-    return Pieces(*map(np.concatenate, zip(*batch, strict=True)))
+        parts = (
+            steps_of(e, k, min(k + chunk, len(e)), history)
+            for e in self.episodes
+            for k in range(history, len(e), chunk)
+        )
+        return gathered(parts, chunk)
