@@ -116,3 +116,28 @@ def test_a_trial_reaches_its_goal_untouched_twice_the_same(folder):
 def test_the_command_reports_the_speed_of_the_twin(tmp_path, capsys):
     assert main(["speed", "--folder", str(tmp_path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["real_time_factor"] > 1.0
+
+
+class Blind(Contender):
+    def build(self, scenario):
+        return Straight()
+
+
+class Straight:
+    """Drives north-east, whatever is there."""
+
+    def step(self, x, goal, obstacles):
+        plan = kl.Controller(kl.nominal_unicycle(0.1)).step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+        turn = 0.7 if x[2] < 0.75 else 0.0
+        plan.command[:] = (0.0 if turn else 0.4, turn)
+        return plan
+
+
+def test_a_controller_that_drives_into_an_obstacle_is_seen_to():
+    blind = Blind("blind", "kmpc", kl.nominal_unicycle(0.1), (0.6, 0.785))
+    trial = drive_trial(blind, Scenario.load("twin_a1"), FAST, 1)
+    assert (
+        trial.run.outcome is Outcome.COLLISION
+        and trial.run.clearance < 0.0
+        and "| blind | a1 | 1 | 1 | 0 | - | - |" in table("a", [trial])
+    )

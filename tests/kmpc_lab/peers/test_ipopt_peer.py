@@ -98,3 +98,23 @@ def test_an_impossible_problem_is_reported_and_the_command_still_bounded() -> No
     assert plan.reason
     assert np.isfinite(plan.command).all()
     assert (np.abs(plan.command) <= problem.bounds[1]).all()
+
+
+def test_changes_of_commands_are_limited_from_the_one_sent_last() -> None:
+    problem = kl.NavigationProblem(du_max=(1.0, 3.0))
+    controller, x, before = (
+        IpoptController(kl.nominal_unicycle(DT), problem),
+        np.array([0.0, 0.0, 0.3]),
+        np.zeros(2),
+    )
+    for _ in range(12):
+        plan = controller.step(x, GOAL, CIRCLES[:1])
+        assert plan.status is kl.PlanStatus.SOLVED
+        assert (
+            np.abs(np.diff(np.vstack([before, plan.inputs]), axis=0)) <= DT * problem.du_max + 1e-6
+        ).all()
+        assert (np.abs(plan.command - before) <= DT * problem.du_max + 1e-12).all()
+        before, x = plan.command, controller.model.predict(x, plan.command)
+    assert before[0] > 0.3
+    with pytest.raises(kl.ProblemError, match="du_max"):
+        IpoptController(kl.nominal_unicycle(DT), problem, solver="fatrop")

@@ -212,3 +212,20 @@ def test_a_damaged_px4_log_is_not_read_for_ever(tmp_path: Path) -> None:
             while True:
                 bounded.seek(0)
                 assert bounded.read(30) == 10 * b"log"
+
+
+@pytest.mark.parametrize("name", ["a.bin", "a.tlog"])
+def test_torn_and_bent_logs_never_do_more_than_refuse(tmp_path: Path, name: str) -> None:
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
+    whole = WRITERS[name](tmp_path / name, drive(3.0)).read_bytes()
+    random = np.random.default_rng(0)
+    for trial in range(25):
+        bent = bytearray(whole[: int(random.uniform(0.1, 1.0) * len(whole))])
+        for _ in range(trial):
+            bent[random.integers(len(bent))] = random.integers(256)
+        (tmp_path / name).write_bytes(bent)
+        try:
+            kl.Dataset.load(tmp_path / name)
+        except kl.DataError as error:
+            assert "\n" not in str(error)
