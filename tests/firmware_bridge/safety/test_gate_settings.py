@@ -21,7 +21,7 @@ def test_settings_are_checked(name, value):
 
 @pytest.mark.parametrize(
     "fence",
-    [(0, 0, 0, 1), (0, 0, 1), (0, 0, 1, math.nan), (1, 0, 0, 1), (0, 0, True, 1), ("0", 0, 1, 1)],
+    [(0, 0, 0, 1), (0, 0, 1), (0, 0, 1, math.nan), (0, 1, 1, 0), (0, 0, True, 1), ("0", 0, 1, 1)],
 )
 def test_a_geofence_is_checked(fence):
     with pytest.raises(ConfigError, match="geofence"):
