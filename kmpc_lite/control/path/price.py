@@ -16,8 +16,10 @@ from kmpc_lite.geometry import angle_swept, wrap
 from kmpc_lite.types import Array
 
 BODY_SAMPLES = 400
-"""Largest number of poses of a path at which it is looked whether a robot that is not round
+"""Largest number of poses of a path at which it is looked first whether a robot that is not round
 fits."""
+HALVINGS = 4
+"""How often it is looked between two poses that are too far apart to be sure."""
 
 
 def narrowness(clearance: float, widest: float, options: GuidanceOptions) -> float:
@@ -94,11 +96,22 @@ def fits(path: GeometricPath, request: PathRequest, margin: float) -> bool:
     places = np.concatenate([[0.0], np.cumsum(moved)])
     count = min(2 + math.ceil(places[-1] / (0.5 * radius)), BODY_SAMPLES)
     along = np.linspace(0.0, places[-1], count)
-    poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
-    distances = outline_distances(request, poses)
+
+    def distances_at(along: Array) -> Array:
+        poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
+        return outline_distances(request, poses)
+
+    distances = distances_at(along)
     # where it stands now, and where it is to stand, it may be as near as it is
-    needed = min(margin, float(distances[0]), float(distances[-1]))
-    return bool((distances >= needed - CUT_DEPTH).all())
+    needed = min(margin, float(distances[0]), float(distances[-1])) - CUT_DEPTH
+    for _ in range(HALVINGS):
+        unsure = distances[:-1] + distances[1:] - np.diff(along) < 2.0 * needed
+        if not unsure.any() or (distances < needed).any():
+            break
+        after, between = np.flatnonzero(unsure) + 1, 0.5 * (along[:-1] + along[1:])[unsure]
+        along = np.insert(along, after, between)
+        distances = np.insert(distances, after, distances_at(between))
+    return bool((distances >= needed).all())
 
 
 def same_side(route: Route, path: GeometricPath, landmarks: Array) -> bool:

@@ -98,6 +98,8 @@ class PathQuery:
     """Path through a grid's many corners, which tells the few that matter."""
     look_times: tuple[float, float] = (0.0, 0.0)
     """What a path takes longer forwards, and backwards, for the robot must stop to look [s]."""
+    either_gear: bool = False
+    """Whether a robot may fit on a path in one gear and not in the other."""
 
 
 class TangentGraph:

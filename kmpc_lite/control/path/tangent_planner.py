@@ -184,6 +184,7 @@ class TangentPlanner:
             request.backward_share,
             lattice_path,
             look_times(request, lattice_path, self._plan_time),
+            not self._is_round,
         )
 
     def _takes(self, path: GeometricPath) -> bool:

@@ -50,14 +50,14 @@ def tangent_paths(
         Whether more is in the way than a graph takes.
     """
     lattice_path, rounds = query.lattice_path, 0
-    own = None if lattice_path is None else _straight(query)
+    own, *other = [None] if lattice_path is None else _straight(query)
     touched = NO_POINTS if lattice_path is None else lattice_path.corners
     straight = np.stack([query.start[:2], query.goal[:2]])
     known = with_corners(_cut(query, straight), query.edges)
     while rounds <= CORNER_ROUNDS:
         if np.count_nonzero(known) + len(touched) > GRAPH_CIRCLES:
             # what is left is the lattice's own path, if there is one
-            return own is None or not takes(own)
+            return own is None or not any(map(takes, (own, *other)))
         graph = _graph(query, known, touched)
         yield from graph.build()
         found = False
@@ -77,15 +77,12 @@ def tangent_paths(
             elif not found and (len(deep) or not known[cut].all()):
                 break  # it cuts what was not known
         else:
-            if own is not None:
-                takes(own)
-            return False
+            break
         if lattice_path is not None:
             touched = np.concatenate([touched, deep])
             rounds += 1
         known = with_walls(known | cut, query.centres, query.radii, query.edges)
-    if own is not None:
-        takes(own)
+    any(map(takes, other if own is None else (own, *other)))
     return False
 
 
@@ -104,10 +101,10 @@ def _cut(query: PathQuery, points: Array) -> Array:
     return cut_obstacles(points, query.centres, query.radii, query.edges, CUT_DEPTH)
 
 
-def _straight(query: PathQuery) -> GeometricPath:
+def _straight(query: PathQuery) -> list[GeometricPath]:
     """The lattice's path, straight from corner to corner, with turns on the spot.
 
-    Forwards or backwards, whichever is quicker.
+    In the quicker gear; and in the other one where a robot may fit into one alone.
     """
     assert query.lattice_path is not None
     points, (speed, turn_rate) = query.lattice_path.points, query.speed
@@ -132,4 +129,5 @@ def _straight(query: PathQuery) -> GeometricPath:
                 gear > 0.0,
             )
         )
-    return min(paths, key=lambda path: path.time)
+    paths.sort(key=lambda path: path.time)
+    return paths if query.either_gear else paths[:1]
