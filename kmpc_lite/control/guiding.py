@@ -81,7 +81,7 @@ class Guiding:
         if late:
             things = later(things, late * self._dt)
         rest = None
-        if self._rates.active:
+        if late or self._rates.active:
             history = state.history
             still = np.zeros((known.model.history, known.model.inputs))
             braking = np.concatenate([self._rates.ramp(history.command), still])

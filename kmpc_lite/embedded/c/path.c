@@ -13,7 +13,6 @@ static const real FAR = R(0.05);        /* how much nearer a place must be that 
 static const real NEAR_CUSP = R(0.075); /* from a change of gear: the robot goes on */
 static const real AT_GOAL = R(1e-6);    /* distance that rounding leaves to the goal */
 static const real TURN_LENGTH = R(0.5), TURN_CLEARANCE = R(0.6); /* for the whole free turn */
-static const real UNLIMITED = R(1e6);
 
 static real nearest_turn(real angle)
 {
@@ -124,19 +123,13 @@ static void change_gear(struct kmpc_path *path, const struct kmpc_timed *way, co
         path->leg = path->time = end;
 }
 
-/* How far a robot that brakes now is led. */
-static void braked(const real *here, const real *last, real *led)
+/* Where a robot that was sent past commands, and brakes now, comes to rest. */
+static void braked(const real *pose, const real *past, real *at)
 {
-    real moved[2];
-    for (int i = 0; i < 2; i++) {
-        const real step = K.change[i] < UNLIMITED ? K.change[i] : UNLIMITED;
-        const real periods = M(floor)(M(fabs)(last[i]) / step);
-        moved[i] = K.dt * periods * (last[i] - R(0.5) * M(copysign)(step, last[i]) * (periods + 1));
-    }
-    const real heading = here[2] + R(0.5) * moved[1];
-    led[0] = moved[0] * M(cos)(heading);
-    led[1] = moved[0] * M(sin)(heading);
-    led[2] = moved[1];
+    static real ramp[2 * KMPC_T], led[3 * (KMPC_T + KMPC_L + 1)];
+    const int periods = kmpc_braking(past + 2 * (KMPC_PAST - 1), ramp);
+    kmpc_model_rollout(pose, past, ramp, periods, periods + KMPC_L, led);
+    memcpy(at, led + 3 * (periods + KMPC_L), 3 * sizeof(real));
 }
 
 static int is_within(const real *error, const real *tolerance)
@@ -178,11 +171,11 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
     for (int i = 0; i < 3; i++)
         error[i] = here[i] - goal[i];
     error[2] -= nearest_turn(error[2]);
-    memset(rest, 0, sizeof(rest));
-    if (K.limits_changes)
-        braked(here, past + 2 * (KMPC_PAST - 1), rest);
+    memcpy(rest, here, sizeof(rest));
+    if (K.limits_changes || K.late)
+        braked(pose, past, rest);
     for (int i = 0; i < 3; i++)
-        rest[i] += error[i];
+        rest[i] += error[i] - here[i];
     begin_last_turn(path, error, rest);
     const int is_new = !path->begun;
     if (is_new)
