@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
+from kmpc_lab.peers.paper import short_way
 from kmpc_lab.report.style import LINES, legend_below, new_figure, render, style, write_picture
 from kmpc_lab.studies.contenders import Contender
 from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -145,8 +145,7 @@ def _run(
         if plan.status.name in ("FALLBACK", "STOPPED"):
             result.unsolved += 1
             continue
-        goal = drive.goal.copy()
-        goal[2] = float(x[2]) + wrap(float(goal[2]) - float(x[2]))
+        goal = short_way(drive.goal, x)
         result.cost.append(problem.cost(plan.states, plan.inputs, goal))
         result.violation.append(violation(plan.states, drive.circles, problem))
         result.defect.append(

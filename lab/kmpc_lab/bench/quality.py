@@ -10,6 +10,7 @@ import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
 from kmpc_lab.bench.measure import violation
+from kmpc_lab.peers.paper import short_way
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances, wrap
@@ -97,8 +98,7 @@ def _judge(
     i: int, k: int, x: Array, drive: RecordedDrive, ours: Any, peer: Any, problem: NavigationProblem
 ) -> Comparison:
     plans = [controller.step(x, drive.goal, drive.circles) for controller in (ours, peer)]
-    goal = drive.goal.copy()
-    goal[2] = float(x[2]) + wrap(float(goal[2]) - float(x[2]))
+    goal = short_way(drive.goal, x)
     cost, best = (problem.cost(plan.states, plan.inputs, goal) for plan in plans)
     inside, peer_inside = (violation(plan.states, drive.circles, problem) for plan in plans)
     excess = cost / max(best, 1e-9) - 1.0

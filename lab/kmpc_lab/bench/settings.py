@@ -14,13 +14,13 @@ import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
 from kmpc_lab.bench.measure import violation
+from kmpc_lab.peers.paper import short_way
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, choose_solver
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver
 from kmpc_lite.control.options import ControllerOptions, OSQPOptions, SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -150,8 +150,7 @@ def _judge(
     inputs: Array, x: Array, drive: RecordedDrive, model: KoopmanModel, problem: NavigationProblem
 ) -> tuple[float, float]:
     """Objective with penalties of what the commands do, and how deep they enter an obstacle [m]."""
-    goal = drive.goal.copy()
-    goal[2] = float(x[2]) + wrap(float(goal[2]) - float(x[2]))
+    goal = short_way(drive.goal, x)
     states = model.rollout(x, inputs)
     inside = violation(states, drive.circles, problem)
     return problem.cost(states, inputs, goal) + float(problem.slack_weights[0]) * inside, inside

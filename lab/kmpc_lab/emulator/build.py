@@ -94,11 +94,11 @@ def build_emulator(
             around=around,
         )
         return rover
-    if robot.link.second is not None and twin is not None:
-        raise ConfigError(
-            "physics: expected a robot on one board, got a pair of boards (link.second)"
-        )
     if robot.link.second is not None:
+        if twin is not None:
+            raise ConfigError(
+                "physics: expected a robot on one board, got a pair of boards (link.second)"
+            )
         from kmpc_lab.emulator.pair import PairEmulator
 
         pair = PairEmulator(kind, robot.driver_table(), robot.link.second, **floor)

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 
 from kmpc_lab.peers.acados_solver import build_solver
 from kmpc_lab.peers.acados_wheel import default_folder, prepare, why_not
-from kmpc_lab.peers.paper import papers_problem
+from kmpc_lab.peers.paper import papers_problem, short_way
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.errors import KmpcError, ProblemError
-from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, Array
 
@@ -76,7 +75,7 @@ class AcadosController:
     ) -> Plan:
         """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
         pose = np.asarray(x, dtype=float)
-        target = np.asarray(goal, dtype=float).copy()
+        target = np.asarray(goal, dtype=float)
         circles = circles_to_array(obstacles)
         if len(circles) > self.obstacles:
             raise ValueError(
@@ -84,7 +83,7 @@ class AcadosController:
             )
         n, solver = self.problem.horizon, self._solver
         start = perf_counter()
-        target[2] = float(pose[2]) + wrap(float(target[2]) - float(pose[2]))
+        target = short_way(target, pose)
         self._set(pose, target, circles)
         prepared = perf_counter()
         status = solver.solve()

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.peers.paper import papers_problem
+from kmpc_lab.peers.paper import papers_problem, short_way
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.errors import KmpcError, ProblemError
-from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -169,13 +168,13 @@ class IpoptController:
     ) -> Plan:
         """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
         pose = np.asarray(x, dtype=float)
-        target = np.asarray(goal, dtype=float).copy()
+        target = np.asarray(goal, dtype=float)
         circles = circles_to_array(obstacles)
         if len(circles) != self._obstacle_count:
             self._build(len(circles))
         n = self.problem.horizon
         start = perf_counter()
-        target[2] = float(pose[2]) + wrap(float(target[2]) - float(pose[2]))
+        target = short_way(target, pose)
         if self._states is None:
             self._states = np.tile(pose, (n + 1, 1))
         guess = np.concatenate(
