@@ -91,9 +91,10 @@ class ControlOptions:
     that knows no lag, else 0."""
     model: str | None = None
     """File of a learned model; the nominal unicycle if not given."""
-    adaptation: bool = True
-    """Whether a learned model is corrected while driving where the floor contradicts it; the
-    nominal one, which knows no lag, never is."""
+    adaptation: bool | None = None
+    """Whether a learned model is corrected while driving where the floor contradicts it; if not
+    given, that of a robot whose wheels are not steered. The nominal one, which knows no lag, never
+    is."""
     map: bool = True
     """Whether the controller knows the scenario's obstacles; without, it drives by its lidar
     alone."""

@@ -257,8 +257,8 @@ def base_problem(robot: Robot, dt: float) -> Any:
 
 
 def adaptation(robot: Robot) -> bool | None:
-    """The controller's `adaptation`: a learned model's own default, none of the nominal one."""
-    return None if robot.control.model is not None and robot.control.adaptation else False
+    """The controller's `adaptation`: as asked for a learned model, none of the nominal one."""
+    return False if robot.control.model is None else robot.control.adaptation
 
 
 DEEP = 0.5

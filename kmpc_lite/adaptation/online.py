@@ -14,6 +14,7 @@ It has a folder of its own because the controller runs it, and `control` must no
 
 from __future__ import annotations
 
+import logging
 from math import sqrt
 
 import numpy as np
@@ -37,6 +38,7 @@ from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
+LOG = logging.getLogger("kmpc_lite.adaptation")
 FEWEST_STEPS = 8
 """Least number of steps since a change from which a model is given. Steps, not seconds: how surely
 gains are known hangs on how many tell of them."""
@@ -45,6 +47,8 @@ CONFIRMATION = 20.0
 slow steps would count too much if poses are noisier than in the log."""
 WORSE = 1.1
 """The learned model returns if the adapted one's squared errors are this many times its own."""
+STEERED_GAINS = (0.8, 1.25)
+"""Gains of steered wheels beyond which adaptation ends: it has taken a lag for a gain."""
 REFUSALS = 2
 """Times in a row that gains which no floor can cause make the model another robot's."""
 BACK_AND_FORTH = 0.5
@@ -78,6 +82,9 @@ class OnlineAdaptation:
         What can be tuned.
     scale : Scale, optional
         The robot's units; those of a robot of 0.15 m and 0.6 m/s if not given.
+    steered : bool
+        Whether wheels are steered: gains beyond `STEERED_GAINS` then end the adaptation, the
+        learned model returns, and `ended` says why.
 
     Raises
     ------
@@ -104,12 +111,13 @@ class OnlineAdaptation:
         model: KoopmanModel,
         options: AdaptationOptions | None = None,
         scale: Scale | None = None,
+        steered: bool = False,
     ) -> None:
         if not model.continuous:
             raise ModelError(
                 'online adaptation needs a continuous model: fit with method="integral"'
             )
-        self.base = model
+        self.base, self.steered = model, steered
         self.options = AdaptationOptions() if options is None else options
         self.scale = Scale() if scale is None else scale
         period = model.dt / self.scale.time
@@ -147,6 +155,11 @@ class OnlineAdaptation:
         """Why the model counts as another robot's, in words; empty while it does not."""
         return self.state.wrong_model
 
+    @property
+    def ended(self) -> str:
+        """Why nothing is learned any more, in words; empty while something is."""
+        return self.state.ended
+
     def update(
         self, x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None = None
     ) -> KoopmanModel | None:
@@ -174,6 +187,8 @@ class OnlineAdaptation:
         """
         before, command, after, past = one_period(x, u, x_next, history, self.base)
         state = self.state
+        if state.ended:
+            return None
         row = self._regressor.row(state, before, command, after, past)
         if row is None:
             return None
@@ -268,6 +283,15 @@ class OnlineAdaptation:
             self._refuse(gains, refusal)
             return None
         state = self.state
+        least, most = STEERED_GAINS
+        for name in ("ahead", "turn") if self.steered else ():
+            if not least <= (gain := getattr(gains, name)) <= most:
+                state.ended = (
+                    f"adaptation ended: a gain {name} of {gain:.2f} of the learned one is beyond "
+                    f"{least:g} to {most:g}; steering or motor lag more than the model says"
+                )
+                LOG.warning("%s", state.ended)
+                return self._return_to_base()
         state.gains, state.refusals = gains, 0
         state.errors, state.judged = (0.0, 0.0), 0
         state.counts.models += 1

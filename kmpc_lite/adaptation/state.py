@@ -104,6 +104,8 @@ class AdaptationState:
     """How many times in a row gains were found that no floor can cause."""
     wrong_model: str = ""
     """Why the model counts as another robot's; empty while it does not."""
+    ended: str = ""
+    """Why nothing is learned any more; empty while something is."""
     counts: AdaptationCounts = field(default_factory=AdaptationCounts)
     """What became of the steps."""
 

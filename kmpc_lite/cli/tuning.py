@@ -12,6 +12,8 @@ from kmpc_lite.errors import ScenarioError, did_you_mean
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.drawn import goals_table
 
+WEIGHTS = "weights"
+"""Section of a scenario with the weights of commands and their changes."""
 TURN_SHARE = 4.0
 """Change of the turn rate [rad/s^2] for each m/s^2 of ``--max-acceleration``."""
 
@@ -26,7 +28,7 @@ class Wishes(NamedTuple):
     clearance: float | None = None
     """To keep from obstacles beyond the radii [m]."""
     options: Sequence[str] = ()
-    """Options of the controller: ``group.option=value``."""
+    """Options of the controller: ``group.option=value``; ``weights.R_change=[0.1, 0.1]``."""
 
     def put(self, table: dict[str, Any]) -> None:
         """Put them into the table of a scenario; raises ScenarioError for unknown options."""
@@ -40,6 +42,9 @@ class Wishes(NamedTuple):
         for item in self.options:
             name, value = assignment(item)
             *groups, option = name
+            if groups == [WEIGHTS]:
+                table.setdefault(WEIGHTS, {})[option] = value
+                continue
             place = table.setdefault("controller", {})
             for group in groups:
                 place = place.setdefault(group, {})
@@ -102,7 +107,7 @@ def split_settings(items: Sequence[str], sections: Sequence[str]) -> tuple[list[
 
     from kmpc_lite.control.options import ControllerOptions
 
-    groups = [field.name for field in fields(ControllerOptions)]
+    groups = [WEIGHTS, *(field.name for field in fields(ControllerOptions))]
     own: list[str] = []
     tuning: list[str] = []
     for item in items:

@@ -51,8 +51,10 @@ class Controller:
         Probability that the margins are made for; `MarginOptions.risk` if not given.
     adaptation : bool or OnlineAdaptation, optional
         Whether to correct the model while driving; if not given, if there are learned margins, the
-        model is continuous, and its log shows no delay that it does not know. `adaptation.model`
-        is the corrected model. An `OnlineAdaptation` must be made for `model`.
+        model is continuous, its log shows no delay that it does not know, and no wheels are
+        steered: a lag of steering or motor looks like a gain. `adaptation.model` is the corrected
+        model; `adaptation.ended` says why a car's adaptation has ended, if it has. An
+        `OnlineAdaptation` must be made for `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile,
         as it is by how late the robot answers beyond its model, by its log or as it drives.
@@ -141,7 +143,8 @@ class Controller:
         kernels = choose_kernels(compiled)
         self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
-        asked = adaptation, tightening is not None, scale, options.adaptation
+        asked = adaptation, tightening is not None, problem, options.adaptation
+        self._seeks_lateness = settings_of.seeks_lateness(model, *asked[:2])
         learns, model = settings_of.choose_adaptation(model, *asked), following(model, problem)
         self.adaptation = settings_of.adaptation_of(learns, model)
         self.units = units = problem_in_units(problem, model, bool(guidance))
@@ -229,7 +232,7 @@ class Controller:
 
     @state.setter
     def state(self, state: ControllerState) -> None:
-        self._state = state
+        self._state, self._seeks_lateness = state, state.lateness.sought
         self.adaptation = settings_of.adaptation_of(self.adaptation, state.base_model)
         if self.adaptation is not None and state.adaptation is not None:
             self.adaptation.restore(state.adaptation, state.model)
@@ -241,6 +244,7 @@ class Controller:
         history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
         guided = self._settings.guidance
         self._state = ControllerState.start(self._learned, history, guided, adaptation)
+        self._state.lateness.sought = self._seeks_lateness
         self.known = self._examiner.examine(self._learned, self._learned)
 
     def update_model(self, model: KoopmanModel) -> None:

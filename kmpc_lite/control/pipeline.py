@@ -121,7 +121,7 @@ class Pipeline:
         history, changed = state.history, False
         if seen.sent is not None:
             history.correct(seen.sent, self._problem)
-        if state.adaptation is not None:
+        if state.lateness.sought:
             pose = seen.pose if seen.pose_is_known and history.driven is not None else None
             changed = self._lateness.see(state.lateness, known.model, history.given, pose)
             if changed:

@@ -41,9 +41,10 @@ class NavigationProblem:
 
     The defaults are the paper's, but for the area: there is none unless it is given.
 
-    ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |x_N - x_ref|^2_{Q_terminal}``, commands
-    within bounds, position within the area, and every obstacle at least `robot_radius` + `margin`
-    away from the robot's centre.
+    ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |u_k - u_{k-1}|^2_{R_change} + |x_N -
+    x_ref|^2_{Q_terminal}``, u_{-1} being the command sent last, commands within bounds, position
+    within the area, and every obstacle at least `robot_radius` + `margin` away from the robot's
+    centre.
 
     Parameters
     ----------
@@ -56,6 +57,10 @@ class NavigationProblem:
         guidance the state's weigh the distance from the guided reference. If not given they are
         the default of the controller's mode (`kmpc_lite.control.units`): without guidance the
         paper's.
+    R_change : array_like, optional
+        Weight (2,), or a matrix, of a command's change from period to period [1/(m/s)^2,
+        1/(rad/s)^2]. If not given it follows from bounds and period with guidance
+        (`kmpc_lite.control.units`), and is zero without, as in the paper.
     Q_terminal : array_like, optional
         Weight of the last state. With guidance it counts by the share of the plan that is at the
         goal; if not given it follows from Q and how fast the robot turns. Without guidance it
@@ -106,6 +111,7 @@ class NavigationProblem:
     dt: float = 0.1
     Q: OptionalValues = given(None)
     R: OptionalValues = given(None)
+    R_change: OptionalValues = given(None)
     Q_terminal: OptionalValues = given(None)
     u_min: Values = given((-0.6, -np.pi / 4))
     u_max: Values = given((0.6, np.pi / 4))
@@ -135,7 +141,8 @@ class NavigationProblem:
 
         set_field = partial(object.__setattr__, self)
         inputs = self.wheels.inputs
-        for name, length in (("Q", STATES), ("R", inputs), ("Q_terminal", STATES)):
+        sizes = {"Q": STATES, "R": inputs, "R_change": inputs, "Q_terminal": STATES}
+        for name, length in sizes.items():
             if (value := getattr(self, name)) is not None:
                 set_field(name, weight(name, value, length))
         for name in ("u_min", "u_max", "du_max"):
@@ -246,13 +253,19 @@ class NavigationProblem:
             np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
         )
 
+    @property
+    def change_weight(self) -> Array:
+        """R_change (2, 2); zero, as in the paper, if not given."""
+        inputs = len(self.u_min)
+        return np.zeros((inputs, inputs)) if self.R_change is None else self.R_change
+
     def with_wheels(self, wheels: Wheels) -> NavigationProblem:
         """The same for a robot on other wheels: an omni's limits sideways are those ahead."""
         if wheels.inputs == self.wheels.inputs:
             return replace(self, wheels=wheels)
         limits = ("u_min", "u_max", "du_max", "deceleration")
         told = {name: getattr(self, name)[list(wheels.axes)] for name in limits}
-        return replace(self, wheels=wheels, R=None, **told)
+        return replace(self, wheels=wheels, R=None, R_change=None, **told)
 
     @property
     def limits_changes(self) -> bool:
@@ -260,7 +273,12 @@ class NavigationProblem:
         return bool(np.isfinite(self.du_max).any())
 
     def cost(
-        self, states: Array, inputs: Array, reference: Array, terminal_share: float = 1.0
+        self,
+        states: Array,
+        inputs: Array,
+        reference: Array,
+        terminal_share: float = 1.0,
+        last: Array | None = None,
     ) -> float:
         """Objective of a plan without penalties.
 
@@ -272,12 +290,17 @@ class NavigationProblem:
             (3,) or (N + 1, 3).
         terminal_share : float
             Part of `Q_terminal` that counts.
+        last : ndarray, optional
+            Command (2,) sent last; zero if not given.
         """
+        before = np.zeros((1, inputs.shape[1])) if last is None else np.reshape(last, (1, -1))
+        changes = np.diff(inputs, axis=0, prepend=before)
         q, r, q_terminal = self.weights
         error = states - reference
         on_way, end = error[:-1], error[-1]
         return float(
             np.vdot(on_way @ q, on_way)
             + np.vdot(inputs @ r, inputs)
+            + np.vdot(changes @ self.change_weight, changes)
             + terminal_share * (end @ q_terminal @ end)
         )

@@ -22,7 +22,6 @@ from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import unmodelled_delay
-from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
@@ -146,23 +145,24 @@ def choose_adaptation(
     model: KoopmanModel,
     adaptation: bool | OnlineAdaptation | None,
     tightens: bool,
-    scale: Scale,
+    problem: NavigationProblem,
     options: AdaptationOptions,
 ) -> OnlineAdaptation | None:
     """What learns while driving; by default if there are margins and the model is continuous.
 
-    Nor does it by default if the robot answers later than the model knows: it would take the
-    delay for gains.
+    Nor does it by default if the robot answers later than the model knows, or is steered by wheels:
+    it would take the delay for gains.
 
     Raises
     ------
     ProblemError
         For one that was made for another model, or for a robot of another size or speed.
     """
+    scale, steered = problem.scale, not problem.wheels.turns_on_the_spot
     if adaptation is None:
-        adaptation = tightens and model.continuous and not unmodelled_delay(model)
+        adaptation = seeks_lateness(model, None, tightens) and not steered
     if adaptation is True:
-        return OnlineAdaptation(model, options, scale)
+        return OnlineAdaptation(model, options, scale, steered)
     if not adaptation:
         return None
     if adaptation.base is not model:
@@ -175,6 +175,15 @@ def choose_adaptation(
     return adaptation
 
 
+def seeks_lateness(
+    model: KoopmanModel, adaptation: bool | OnlineAdaptation | None, tightens: bool
+) -> bool:
+    """Whether it is found while driving how late the robot answers."""
+    if adaptation is None:
+        return tightens and model.continuous and not unmodelled_delay(model)
+    return adaptation is not False
+
+
 def adaptation_of(
     adaptation: OnlineAdaptation | None, model: KoopmanModel
 ) -> OnlineAdaptation | None:
@@ -183,7 +192,7 @@ def adaptation_of(
         return adaptation
     if not model.continuous:
         return None
-    return OnlineAdaptation(model, adaptation.options, adaptation.scale)
+    return OnlineAdaptation(model, adaptation.options, adaptation.scale, adaptation.steered)
 
 
 def adapt_anew(

@@ -16,6 +16,9 @@ from kmpc_lite.types import STATES, Array
 TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
 """Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
 end."""
+CHANGE_WEIGHT, CHANGE_TIME = 0.03, 0.1
+"""What a change of a command by its bound within so long [s] costs: half a period at full speed. A
+command that jumps to and fro gains nothing that is worth it."""
 CORRECTION_TURNS = 2.0
 """How many full turns' time an error is taken to last that the robot comes to its goal with. It
 cannot move sideways: it turns aside, drives, turns back, and may have to do that again. Half and
@@ -49,11 +52,18 @@ def with_tracking_weights(
     r = TRACKING_R[0] * gains[0] ** 2, TRACKING_R[1] * gains[1] ** 2
     turn_rate = gains[1] * fastest(problem)[1]
     periods = CORRECTION_TURNS * math.tau / turn_rate / problem.dt
-    return _filled(problem, q, r, periods * q)
+    # the same acceleration costs the same whatever the period
+    bounds = np.maximum(problem.u_max, -problem.u_min)
+    change = CHANGE_WEIGHT * (CHANGE_TIME / (problem.dt * bounds)) ** 2
+    return _filled(problem, q, r, periods * q, change)
 
 
 def _filled(
-    problem: NavigationProblem, q: ArrayLike, r: tuple[float, ...], terminal: ArrayLike
+    problem: NavigationProblem,
+    q: ArrayLike,
+    r: tuple[float, ...],
+    terminal: ArrayLike,
+    change: ArrayLike | None = None,
 ) -> NavigationProblem:
     # sideways as ahead
     between = [r[0]] * (len(problem.u_min) - len(r))
@@ -62,6 +72,7 @@ def _filled(
         problem,
         Q=q if problem.Q is None else problem.Q,
         R=r if problem.R is None else problem.R,
+        R_change=change if problem.R_change is None else problem.R_change,
         Q_terminal=terminal if problem.Q_terminal is None else problem.Q_terminal,
     )
 
@@ -84,6 +95,7 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
         dt=problem.dt / scale.time,
         Q=weight(problem.Q, state),
         R=weight(problem.R, command),
+        R_change=weight(problem.R_change, command),
         Q_terminal=weight(problem.Q_terminal, state),
         u_min=problem.u_min / command,
         u_max=problem.u_max / command,

@@ -110,6 +110,7 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "sides": len(keep_out.side_offsets),
         "pull": qp.cost.pull,
         "pull_terminal": qp.cost.pull_terminal,
+        "pull_last": qp.pull_last,
         "slack_dual": -float(units.slack_weights[0]) / SLACK_SCALE,
         "limits_changes": int(rates.active),
         "change": rates.faster,

@@ -94,6 +94,11 @@ class Scenario:
     du_max: tuple[float, float] | None = None
     """How fast commands may change [m/s^2, rad/s^2]; as the problem has it if not given. In a
     file [] is the same."""
+    R: tuple[float, ...] | None = None
+    """Weights of the commands [1/(m/s)^2, 1/(rad/s)^2]; the controller's own if not given. In a
+    file, [weights], [] is the same."""
+    R_change: tuple[float, ...] | None = None
+    """Weights of their changes from period to period, likewise."""
     wheels: tuple[float, float] | Wheels | None = None
     """Distance between the wheels [m] and how fast one turns at its rim [m/s], where they limit
     speed and turn rate together; or the kind of the wheels. As the problem has it if not given.
@@ -202,13 +207,14 @@ class Scenario:
             values[key] = list(getattr(self, key))
         for key in ("via", "floors", "ground_changes", "ground_patches"):
             values[key] = [list(row) for row in getattr(self, key)]
-        values["du_max"] = list(self.du_max or ())
+        optional = ("du_max", "R", "R_change")
+        values |= {key: list(getattr(self, key) or ()) for key in optional}
         wheels = self.wheels or ()
         told = list(wheels) if isinstance(wheels, tuple) else wheels_to_table(wheels)
         values["wheels"] = told
         values["footprint"] = () if self.footprint is None else self.footprint.corners
         left_out = {"grid", "radius" if self.footprint else "footprint"}
-        left_out |= {key for key in ("du_max", "wheels") if not values[key]}
+        left_out |= {key for key in (*optional, "wheels") if not values[key]}
         left_out |= set() if self.has_area else {"bounds"}
         values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
         values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
@@ -244,6 +250,8 @@ class Scenario:
                 footprint=self.footprint,
                 margin=self.margin,
                 du_max=base.du_max if self.du_max is None else self.du_max,
+                R=base.R if self.R is None else self.R,
+                R_change=base.R_change if self.R_change is None else self.R_change,
                 track=track,
                 max_wheel_speed=max_wheel_speed,
             )

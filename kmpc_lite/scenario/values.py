@@ -28,6 +28,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
         "du_max": [],
         "wheels": [],
     },
+    "weights": {"R": [], "R_change": []},
     "plant": {
         "slip": 0.0,
         "turn_gain": 1.0,
@@ -237,6 +238,18 @@ def _pair(where: str, value: Any) -> tuple[float, float] | None:
     return numbers
 
 
+def _weights(where: str, value: Any) -> tuple[float, ...] | None:
+    """Weights of a command's numbers; the problem knows how many there are."""
+    if value == []:
+        return None
+    if not isinstance(value, list):
+        raise ScenarioError(f"{where}: expected a list of weights, got {value!r:.40}")
+    weights = tuple(read_number(where, v) for v in value)
+    if min(weights) < 0:
+        raise ScenarioError(f"{where}: expected numbers >= 0, got {value!r}")
+    return weights
+
+
 def _wheels(where: str, value: Any) -> tuple[float, float] | Wheels | None:
     if isinstance(value, list):
         return _pair(where, value)
@@ -276,6 +289,8 @@ def _seed(where: str, value: Any) -> int:
 
 
 READERS: Mapping[str, Callable[[str, Any], Any]] = {
+    "R": _weights,
+    "R_change": _weights,
     "circles": _circles,
     "du_max": _pair,
     "floors": _floors,

@@ -91,7 +91,7 @@ def check(given: argparse.Namespace) -> int:
             say(f'{name}: {complaint}; see it: python -m outcomes plot "{name}"{more}')
     pairs = [(expected[k], line) for k, line in lines.items() if k in expected]
     if not given.rows:
-        for complaint in judge.slower(pairs):
+        for complaint in (*judge.slower(pairs), *judge.shaky(pairs)):
             bad += 1
             say(complaint)
     table(ratios(pairs))

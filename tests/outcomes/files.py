@@ -17,11 +17,11 @@ HEAD = """\
 # What comes of each drive: contacts and their deepest depth [radii], how it ended, time to arrive
 # or until it ended [s], least clearance [radii], changes of gear, shares of steps STOPPED, FALLBACK
 # and FEASIBLE [%], mean SQP passes a step, RMS of the change of commands (share of the bounds),
-# period [s]. "+-": how far the time [%] and the clearance moved when measured poses were changed by
-# 1e-9 radii, three times: twice that widens the band within which a row is judged. Of such drives
-# contacts, changes of gear and shares STOPPED are the largest, and all ends are listed. "!" marks a
-# known failure: a row that touches, or does not end as it should. Written by
-# `python -m outcomes record`.
+# steps in which a command jumps back [%], period [s]. "+-": how far the time [%] and the clearance
+# moved when measured poses were changed by 1e-9 radii, three times: twice that widens the band
+# within which a row is judged. Of such drives contacts, changes of gear, shares STOPPED and jumps
+# back are the largest, and all ends are listed. "!" marks a known failure: a row that touches, or does not end as
+# it should. Written by `python -m outcomes record`.
 """
 COLUMNS = (
     "!",
@@ -39,6 +39,7 @@ COLUMNS = (
     "feas",
     "passes",
     "jerk",
+    "chatter",
     "dt",
     "family",
     "name",
@@ -79,6 +80,7 @@ def line_of(results: Sequence[Result], seed: int = 0) -> Line:
     worst.depth = max(r.depth for r in results)
     worst.gears = max(r.gears for r in results)
     worst.stopped = max(r.stopped for r in results)
+    worst.chatter = max(r.chatter for r in results)
     ends = frozenset(r.ended for r in results)
     moved = max(clear) - min(clear) if math.isfinite(max(clear)) else 0.0
     return Line(worst, seed, ends, spread, moved)
@@ -87,7 +89,7 @@ def line_of(results: Sequence[Result], seed: int = 0) -> Line:
 def to_text(lines: Iterable[Line], note: str = "") -> str:
     """The file, with a head."""
     out = [HEAD + "".join(f"# {part}\n" for part in note.splitlines())]
-    widths = (1, 4, 8, 5, 11, 7, 5, 6, 5, 5, 5, 5, 5, 6, 5, 4, 13, 4)
+    widths = (1, 4, 8, 5, 11, 7, 5, 6, 5, 5, 5, 5, 5, 6, 5, 7, 4, 13, 4)
     out.append(",".join(f"{c:>{w}}" for c, w in zip(COLUMNS, widths, strict=True)) + "\n")
     for line in lines:
         r = line.result
@@ -105,6 +107,7 @@ def to_text(lines: Iterable[Line], note: str = "") -> str:
             *(f"{100 * share:.1f}" for share in (r.stopped, r.fallback, r.feasible)),
             f"{r.passes:.2f}",
             f"{r.jerk:.3f}",
+            f"{100 * r.chatter:.1f}",
             f"{r.dt:g}",
             r.family,
             r.name,
@@ -123,7 +126,8 @@ def read(path: Path = EXPECTED) -> dict[tuple[str, int], Line]:
         if parts[2] == "contacts":
             continue
         _, seed, contacts, depth, ended, *numbers = parts[:-2]
-        time, spread, clear, moved, gears, stop, fall, feas, passes, jerk, dt = map(float, numbers)
+        time, spread, clear, moved, gears, *rest = map(float, numbers)
+        stop, fall, feas, passes, jerk, chatter, dt = rest
         ends = ended.split("/")
         result = Result(
             parts[-1],
@@ -139,6 +143,7 @@ def read(path: Path = EXPECTED) -> dict[tuple[str, int], Line]:
             feas / 100.0,
             passes,
             jerk,
+            chatter / 100.0,
             dt,
         )
         key = result.name, int(seed)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable
 
 from outcomes.files import Line, ratios
+from outcomes.rows import ROWS
+from outcomes.setup import Row
 
 TIME, PERIODS = 0.03, 2
 """A row may take longer by this share and these periods, and by twice its recorded spread."""
@@ -16,6 +19,11 @@ DEPTH = 0.05
 """By how much a known contact may be deeper [radii]."""
 GEARS = 1
 """More changes of gear than recorded."""
+FAMILY_CHATTER = 0.05
+"""Largest share of steps in which a command jumps back, in the median of a family."""
+WORSE = 0.05
+"""By how much the share of a row, or of a family, that is known to chatter may be larger than
+recorded."""
 STOPPED = 0.05
 """By how much the share of steps STOPPED may be larger."""
 FAMILY = 5
@@ -46,6 +54,30 @@ def complaints(old: Line, new: Line) -> list[str]:
     if now.stopped > was.stopped + STOPPED:
         most = 100.0 * (was.stopped + STOPPED)
         found.append(f"STOPPED: expected at most {most:.0f} %, got {100.0 * now.stopped:.0f} %")
+    most = ROWS[now.name].chatter if now.name in ROWS else Row.chatter
+    if was.chatter > most:
+        most = was.chatter + WORSE
+    if now.sound and now.chatter > most:
+        found.append(
+            f"chatter: expected at most {100.0 * most:.0f} %, got {100.0 * now.chatter:.0f} %"
+        )
+    return found
+
+
+def shaky(pairs: Iterable[tuple[Line, Line]]) -> list[str]:
+    """Families whose median share of steps in which a command jumps back is too large."""
+    shares: dict[str, list[tuple[float, float]]] = {}
+    for old, new in pairs:
+        shares.setdefault(old.result.family, []).append((old.result.chatter, new.result.chatter))
+    found = []
+    for family, both in shares.items():
+        was, now = (statistics.median(share) for share in zip(*both, strict=True))
+        most = FAMILY_CHATTER if was <= FAMILY_CHATTER else was + WORSE
+        if len(both) >= FAMILY and now > most:
+            found.append(
+                f"{family}: expected chatter of at most {100 * most:.0f} % in the median, "
+                f"got {100 * now:.1f} %"
+            )
     return found
 
 

@@ -21,6 +21,8 @@ APART = 0.1
 """How far apart edges must be for the next contact to count [radii]."""
 PERTURBED = 1e-9
 """Size of what measured poses are changed by to see how chaotic a drive is [radii, rad]."""
+CHANGE = 0.1
+"""Least change of a command from one step to the next that counts as chatter [bounds]."""
 GEAR = 0.2
 """How far a robot must drive back for a change of gear [radii]."""
 
@@ -73,9 +75,13 @@ class Result:
     """Mean of the SQP passes a step."""
     jerk: float
     """RMS of the change of commands from step to step, as a share of the bounds."""
+    chatter: float
+    """Share of steps in which a change is opposite to the one before, both above `CHANGE`."""
     dt: float
     """Period [s]."""
     faults: str = ""
+    sound: bool = True
+    """Whether poses are exact, and none is lost."""
 
 
 def drive_row(row: Row, seed: int = 0, perturbed: int = 0) -> Trace | None:
@@ -260,9 +266,18 @@ def result_of(row: Row, trace: Trace) -> Result:
         statuses.count("FEASIBLE") / len(statuses),
         float(np.mean(passes)) if passes else 0.0,
         float(np.sqrt((changes**2).sum(axis=1).mean())) if len(changes) else 0.0,
+        _chatter(changes),
         setup.dt,
         "; ".join(trace.faults[:3]),
+        not any(setup.noise) and setup.measure is None and not setup.kicks,
     )
+
+
+def _chatter(changes: Array) -> float:
+    """Share of steps at which a command jumps back: changes (T, m) [bounds]."""
+    back = changes[1:] * changes[:-1] < 0.0
+    large = np.minimum(np.abs(changes[1:]), np.abs(changes[:-1])) > CHANGE
+    return float((back & large).any(axis=1).mean()) if len(back) else 0.0
 
 
 def _contacts(gaps: Array) -> int:

@@ -31,6 +31,8 @@ class Body:
     """Mean of the exponential slip ratios, drawn anew each period."""
     gain: tuple[float, float] = (1.0, 1.0)
     """Shares of commanded speed and turn rate that happen."""
+    turn_loss: float = 0.0
+    """Share of its speed that it loses for each rad/s by which it turns [s/rad]."""
     lag: float = 0.0
     """Time constant of the motors [s]."""
     dead_time: float = 0.0
@@ -111,6 +113,7 @@ class Vehicle:
 def _moved(pose: Array, speeds: Array, ratios: Array, body: Body, h: float) -> Array:
     """Pose (3,) after a time [s] at these speeds."""
     v, omega = speeds.tolist()
+    v *= 1.0 - body.turn_loss * abs(omega)
     turn = (omega * (1.0 + ratios[2]) + body.draws * v) * h
     forward, left = v * (1.0 + ratios[0]) * h, -v * ratios[1] * h
     forward += turn * body.turning_point[1]

@@ -167,6 +167,8 @@ class Row:
     """How it should end, or ways to end joined by slashes: anything else is a known failure."""
     touches: bool = False
     """Whether the robot begins in contact, or is run into while it stands."""
+    chatter: float = 0.15
+    """Largest share of steps in which a command may jump back, where poses are sound."""
 
 
 def area(bounds: Sequence[float]) -> dict[str, tuple[float, float, float]]:

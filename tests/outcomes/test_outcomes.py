@@ -59,7 +59,7 @@ def test_the_drives_come_to_every_status_and_every_end() -> None:
     assert ends - {"holding"} == {"arrived", "driving", "unreachable", "waiting"}
 
 
-GOOD = Result("a", "b", 0, 0.0, "arrived", 10.0, 0.4, 1, 0.0, 0.0, 0.0, 1.0, 0.1, 0.1)
+GOOD = Result("a", "b", 0, 0.0, "arrived", 10.0, 0.4, 1, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -71,6 +71,7 @@ GOOD = Result("a", "b", 0, 0.0, "arrived", 10.0, 0.4, 1, 0.0, 0.0, 0.0, 1.0, 0.1
         ({"clearance": 0.2}, "clearance: expected at least 0.30 r"),
         ({"gears": 3}, "gears: expected at most 2"),
         ({"stopped": 0.1}, "STOPPED: expected at most 5 %, got 10 %"),
+        ({"chatter": 0.2}, "chatter: expected at most 15 %, got 20 %"),
         ({"faults": "step 3: out of bounds"}, "expected no fault"),
     ],
 )

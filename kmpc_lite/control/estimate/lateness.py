@@ -3,7 +3,8 @@
 Each period is predicted by commands that are so many periods older than they should be, for a few
 such numbers. The one whose errors are the least of late, and significantly so, is how late the
 robot answers: to a model that does not know of it, a pose that shows old commands is an old pose.
-It is part of what is learned while driving; without adaptation nobody asks for it.
+It is part of what is learned while driving: a controller that is told to adapt nothing does not
+ask for it.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ class LatenessState:
     """How many these are, fading as they do."""
     found: Array = field(default_factory=lambda: np.zeros(2, dtype=int))
     """(2,) how much later than its model says the robot drives, and turns, in periods."""
+    sought: bool = False
+    """Whether it is looked for."""
     periods: int = 0
     """How much later it answers: of what drives and turns differently late, the sooner."""
 

@@ -55,11 +55,15 @@ class QPCost:
 
     def __init__(self, problem: NavigationProblem) -> None:
         q, r, q_terminal = (sp.csc_matrix(2 * weight) for weight in problem.weights)
+        commands = sp.kron(sp.eye(problem.horizon), r)
+        if problem.change_weight.any():
+            to_last = sp.diags([1.0, -1.0], [0, -1], shape=(problem.horizon, problem.horizon))
+            commands = commands + sp.kron(to_last.T @ to_last, 2 * problem.change_weight)
         linear, quadratic = problem.slack_weights
         n = problem.horizon
         # stored whole, so that a terminal weight of zero keeps its places
         last = sp.csc_matrix(np.ones((STATES, STATES)))
-        blocks = [q] * (n - 1) + [last] + [r] * n + [2 * quadratic * sp.eye(n)]
+        blocks = [q] * (n - 1) + [last, commands, 2 * quadratic * sp.eye(n)]
         self.P = sp.triu(sp.block_diag(blocks), format="csc")
         self.q = np.zeros(self.P.shape[0])
         self.q[(STATES + len(problem.u_min)) * n :] = linear
@@ -100,6 +104,8 @@ class NavigationQP:
         Factors (2,) of the rows that limit changes.
     next_stage : ndarray
         (m,) the row that each row is a period later.
+    pull_last : ndarray
+        (m, m) by which the command that was sent last enters `q`, at the first stage.
     lost, fastest : float
         How far from where the last plan led the robot may be for that to be a start [m], and the
         largest number that a command may hold.
@@ -139,6 +145,7 @@ class NavigationQP:
         places = self._build_constraints()
         self.cost = QPCost(problem)
         self.P, self.q = self.cost.P, self.cost.q
+        self.pull_last, self._wanted = -2.0 * problem.change_weight, np.zeros(self.inputs)
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
         self.lower[self.half_plane_rows] = -OPEN
@@ -208,14 +215,19 @@ class NavigationQP:
         return places
 
     def set_last_command(self, command: Array) -> None:
-        """Write the command (2,) that was sent last, where the problem limits changes."""
+        """Write the command (2,) that was sent last, from which changes are limited and weighed."""
+        self.q[self.input_columns[0]] = self._wanted + self.pull_last @ command
         last = (self.change_scale * command)[self._limited]
         self.lower[self.change_rows[0]] = last - self._change
         self.upper[self.change_rows[0]] = last + self._change
 
     def set_input_reference(self, inputs: Array, waits: int) -> None:
-        """Write commands (N, m) that cost nothing: those of the reference; at first it may wait."""
+        """Write commands (N, m) that cost nothing: those of the reference; at first it may wait.
+
+        `set_last_command` comes after it.
+        """
         self.q[self.input_columns] = -2.0 * inputs @ self.problem.weights[1]
+        self._wanted = self.q[self.input_columns[0]].copy()
         moves = np.arange(self.horizon) >= waits
         first = self.input_rows[:, 0]
         self.lower[first] = moves * self.problem.u_min[0]

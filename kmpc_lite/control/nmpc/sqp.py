@@ -172,10 +172,10 @@ class SQP:
         """
         self.workspace.restart()
         if self._rates.active:
-            self.qp.set_last_command(task.last)
             guess = guess._replace(inputs=self._rates.in_reach(guess.inputs, task.last))
         self.qp.cost.set_terminal_share(task.terminal_share)
         self._steer(task, guess.states[0])
+        self.qp.set_last_command(task.last)
         run = SQPResult(guess)
         share, longest = 1.0, 0.0
         while True:

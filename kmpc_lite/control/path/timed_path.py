@@ -112,7 +112,7 @@ class TimedPath:
     def route(self, pose: Array, place: float, lost: float) -> Route:
         """What is left of it for a robot at a pose (3,), after its place; time was lost [s]."""
         left = self.timed.times[1:-1] > place
-        left[-1] = True
+        left[-1:] = True  # none between two poses
         points = np.concatenate([pose[None, :2], self.points[left]])
         return Route(points, self.reverse, self.clearance, lost)
 

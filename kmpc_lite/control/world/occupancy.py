@@ -109,7 +109,7 @@ class OccupancyGrid:
         limits = self._limits
         for array in (self.unknown, self.occupied):
             array.flags.writeable = False
-        self.runs = min(_runs(self.occupied), _runs(self.occupied.T))
+        self.runs = min(count_runs(self.occupied), count_runs(self.occupied.T))
         """How many runs of occupied cells there are, along rows or columns as these are fewer."""
         if self.runs > limits.grid_runs:
             raise ProblemError(
@@ -252,7 +252,7 @@ def _check_resolution(resolution: float) -> None:
         )
 
 
-def _runs(occupied: NDArray[np.bool_]) -> int:
+def count_runs(occupied: NDArray[np.bool_]) -> int:
     """How many runs of occupied cells the rows have."""
     begins = np.count_nonzero(occupied[:, 1:] & ~occupied[:, :-1])
     return int(begins + np.count_nonzero(occupied[:, 0]))

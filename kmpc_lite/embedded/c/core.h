@@ -14,7 +14,7 @@ struct kmpc_numbers {
     real side_normal[8], side_offset[4];
     int sides;
     /* cost */
-    real pull[9], pull_terminal[9], slack_dual;
+    real pull[9], pull_terminal[9], pull_last[4], slack_dual;
     /* limits of changes */
     int limits_changes;
     real change[2], change_scale[2], brake[2], ramp_step[2];

@@ -8,7 +8,8 @@
 #define K kmpc_numbers
 #define L kmpc_model
 
-/* Terms of a filtered command (KMPC_TERMS,), and their derivatives (KMPC_TERMS, 2). */
+/* Terms of a filtered command (KMPC_TERMS,), and their derivatives (KMPC_TERMS, 2). Turning either
+ * way costs speed, which is predicted and not steered with: by a turn rate's size none changes. */
 static void terms_of(const real *answered, real *out, real *slope)
 {
     real inside[2];
@@ -31,7 +32,7 @@ static void terms_of(const real *answered, real *out, real *slope)
         {1, 0},
         {0, 1},
         {o, v},
-        {size, v * size_slope},
+        {size, 0},
         {oo, 2 * v * o},
         {v_size + v * v_slope, 0},
         {0, size + o * size_slope},

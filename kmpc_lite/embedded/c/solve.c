@@ -189,6 +189,8 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmp
     memcpy(lower, K.lower, sizeof(lower));
     memcpy(upper, K.upper, sizeof(upper));
     memcpy(q, K.q, sizeof(q));
+    for (int i = 0; i < 2; i++) /* changes begin at what was sent last */
+        q[3 * KMPC_N + i] += K.pull_last[2 * i] * last[0] + K.pull_last[2 * i + 1] * last[1];
     memcpy(window, past, 2 * KMPC_L * sizeof(real));
     if (rho_is_adapted) /* as if nothing had been solved before */
         osqp_update_rho(&kmpc_solver, K.rho);

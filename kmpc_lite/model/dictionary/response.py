@@ -129,7 +129,10 @@ class ResponseDictionary(LiftedAsBase):
         return w
 
     def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array | None:
-        """Differentiate `inputs`: (..., nw, 1 + L, m), by the command of each age, newest first."""
+        """Slopes of `inputs` to steer by: (..., nw, 1 + L, m), by each age's command, newest first.
+
+        Its derivatives but for ``|omega|`` (`terms.differentiate_terms`).
+        """
         if self.steered:
             answered, by_command = self._steered(u, history)
         else:

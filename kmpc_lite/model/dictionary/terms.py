@@ -63,7 +63,13 @@ def evaluate_terms(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> 
 
 
 def differentiate_terms(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> Array:
-    """Differentiate `evaluate_terms` by the filtered commands: (..., T, m)."""
+    """Slopes of `evaluate_terms` by the filtered commands, by which plans are steered: (..., T, m).
+
+    They are its derivatives but for ``|omega|``, whose slope is zero here: turning either way costs
+    speed. That is predicted, not steered with. Linearised where it turns left, less turning is more
+    speed, where it turns right the reverse, and a plan that steers by such a kink jumps across it
+    in every period.
+    """
     m = answered.shape[-1]
     factors = _chosen(_factors(answered, smoothing, limits))
     slopes = _chosen(_slopes(answered, smoothing, limits))
@@ -93,7 +99,7 @@ def _factors(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> Array:
 
 
 def _slopes(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> Array:
-    """Differentiate `_factors` by the speed, (..., m, F)."""
+    """Slopes of `_factors` by the speed, (..., m, F); see `differentiate_terms`."""
     most, soft = np.asarray(limits), np.square(np.asarray(smoothing))
     s = np.clip(answered, -most, most)
     square = s * s
@@ -102,4 +108,5 @@ def _slopes(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> Array:
     none, one = np.zeros_like(s), np.ones_like(s)
     found = [none, one, steep, 2.0 * s, 3.0 * square, size + s * steep, soft / cube]
     out: Array = np.stack(found, axis=-1) * (np.abs(answered) <= most)[..., None]
+    out[..., -1, SIZE] = 0.0
     return out

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lab.peers.acados_solver import build_solver
 from kmpc_lab.peers.acados_wheel import default_folder, prepare, why_not
-from kmpc_lab.peers.paper import papers_problem, short_way
+from kmpc_lab.peers.paper import check_weights, papers_problem, short_way
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.circles import Circle, circles_to_array
@@ -58,7 +58,7 @@ class AcadosController:
         reason = why_not()
         if reason:
             raise KmpcError(f"acados: {reason}")
-        self.problem = papers_problem() if problem is None else problem
+        self.problem = papers_problem() if problem is None else check_weights(problem)
         self.obstacles = obstacles
         prepare(default_folder())
         self._work = tempfile.TemporaryDirectory(prefix="kmpc_acados_")

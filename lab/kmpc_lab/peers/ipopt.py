@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.peers.paper import papers_problem, short_way
+from kmpc_lab.peers.paper import check_weights, papers_problem, short_way
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -70,7 +70,8 @@ class IpoptController:
             raise KmpcError("this peer needs CasADi: pip install 'kmpc-lab[peers]'") from error
         if model.history:
             raise ProblemError("the IPOPT peer takes models without input history")
-        self.model, self.problem = model, papers_problem() if problem is None else problem
+        self.model = model
+        self.problem = papers_problem() if problem is None else check_weights(problem)
         if solver == "fatrop" and self.problem.limits_changes:
             raise ProblemError(
                 "fatrop takes no limits on the change of commands, which tie stages together: "

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.errors import ProblemError
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
@@ -17,6 +18,13 @@ AREA: dict[str, Any] = {"x_min": (-2.0, -2.0, -np.inf), "x_max": (2.0, 2.0, np.i
 def papers_problem() -> NavigationProblem:
     """Build the defaults, which are the paper's, with the paper's area."""
     return NavigationProblem(**AREA)
+
+
+def check_weights(problem: NavigationProblem) -> NavigationProblem:
+    """Give a problem that peers can solve; raises ProblemError for a weight that they lack."""
+    if problem.change_weight.any():
+        raise ProblemError("R_change: peers weigh no changes of commands; it must not be given")
+    return problem
 
 
 def short_way(goal: Array, pose: Array) -> Array:

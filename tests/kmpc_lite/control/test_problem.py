@@ -87,16 +87,23 @@ def test_cost_is_the_papers_sum(seed: int, n: int) -> None:
     random = np.random.default_rng(seed)
     root = random.normal(size=(3, 3))
     problem = NavigationProblem(
-        horizon=n, Q=root @ root.T, R=(0.3, 0.7), Q_terminal=(4.0, 5.0, 6.0)
+        horizon=n,
+        Q=root @ root.T,
+        R=(0.3, 0.7),
+        R_change=(0.2, 0.4),
+        Q_terminal=(4.0, 5.0, 6.0),
     )
     x, u, goal = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2)), random.normal(size=3)
-    total = 0.0
-    for k in range(n):
+    total, last = 0.0, random.normal(size=2)
+    for k, before in zip(range(n), (last, *u), strict=False):
+        total += 0.2 * (u[k, 0] - before[0]) ** 2 + 0.4 * (u[k, 1] - before[1]) ** 2
         total += (
             (x[k] - goal) @ (root @ root.T) @ (x[k] - goal)
             + 0.3 * u[k, 0] ** 2
             + 0.7 * u[k, 1] ** 2
         )
     total += float(np.sum(np.array([4.0, 5.0, 6.0]) * (x[n] - goal) ** 2))
-    assert problem.cost(x, u, goal) == pytest.approx(total, rel=1e-9)
-    assert problem.cost(x, u, np.tile(goal, (n + 1, 1))) == pytest.approx(total, rel=1e-9)
+    assert problem.cost(x, u, goal, last=last) == pytest.approx(total, rel=1e-9)
+    assert problem.cost(x, u, np.tile(goal, (n + 1, 1)), last=last) == pytest.approx(
+        total, rel=1e-9
+    )

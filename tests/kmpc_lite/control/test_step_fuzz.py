@@ -18,6 +18,9 @@ SHAPES: tuple[Any, ...] = (
     *(None, "x", 3, 1j, {}, [[1, 2], [3]], np.zeros((2, 4)), np.zeros((1, 1, 5)), object()),
     *(np.zeros((3, 0)), [None], [kl.Circle(1, 1, 0.1), "x"], np.array(["a"]), b"x"),
 )
+CAR: dict[str, Any] = {"wheels": kl.Car(0.4), "u_min": (-0.6, -1.5), "u_max": (0.6, 1.5)}
+LONG = kl.Footprint.rectangle(0.5, 0.25, ahead=0.1)
+DENSE = kl.ControllerOptions.from_dict({"sight": {"most_cells": 1200}})
 KINDS: tuple[dict[str, Any], ...] = (
     {},
     {"guidance": False},
@@ -34,8 +37,14 @@ KINDS: tuple[dict[str, Any], ...] = (
     {"problem": kl.NavigationProblem(u_min=(0.0, -0.4), robot_radius=0.0, margin=0.05, horizon=12)},
     {"problem": kl.NavigationProblem(x_min=[-np.inf] * 3, x_max=[np.inf] * 3, horizon=10)},
     {"problem": kl.NavigationProblem(sensor_range=1.5), "time_budget": 0.05},
+    {"problem": kl.NavigationProblem(**CAR, horizon=10)},
+    {"problem": kl.NavigationProblem(**CAR, footprint=LONG, horizon=10), "adaptation": True},
+    {"problem": kl.NavigationProblem(wheels=kl.Omni(), horizon=10)},
+    {"problem": kl.NavigationProblem(wheels=kl.Omni(), footprint=LONG, horizon=10)},
+    {"problem": kl.NavigationProblem(footprint=LONG, horizon=10)},
+    {"options": DENSE},
 )
-LONGEST_STEP = 0.5
+LONGEST_STEP = 3.0
 """Of the processor [s]; a budget counts where a fifth more than it is longer."""
 
 
@@ -90,9 +99,11 @@ class Sender:
                 return kl.OccupancyGrid(cells, side, (x, y, self.numbers(1)[0]))
 
     def scan(self) -> kl.LaserScan:
-        beams = self.one_of((1, 2, 36, 360, 2000))
+        beams = self.one_of((1, 2, 36, 360, 2000, 16_000))
         reach = self.one_of((0.3, 2.0, 12.0, 1e4))
         ranges = np.abs(np.cumsum(self.random.normal(0.0, reach / 20, beams)) + reach / 2)
+        if not self.below(4):
+            ranges = self.random.uniform(0.0, reach, beams)  # nothing but noise
         for strange in (np.inf, np.nan, 0.0, -1.0, reach, 1e308, -np.inf):
             if self.below(2):
                 ranges[self.random.random(beams) < self.one_of((0.01, 0.3))] = strange
@@ -111,6 +122,11 @@ class Sender:
             ignore=[self.numbers(2, 4.0)] if self.below(2) else (),
         )
 
+    def goal(self, pose: np.ndarray) -> np.ndarray:
+        """Anywhere, where the robot stands, or nearly so."""
+        near = self.one_of((None, None, 0.0, 0.02))
+        return self.numbers(3) if near is None else pose + self.numbers(3, near)
+
     def obstacles(self) -> Any:
         if self.rarely():
             return self.one_of(SHAPES)
@@ -125,21 +141,35 @@ class Sender:
         return made
 
     def sent(self) -> Any:
-        return self.one_of((None, None, self.numbers(2), np.zeros(3))) if self.below(3) else None
+        counts = self.one_of((2, 2, 3))
+        return self.one_of((None, None, self.numbers(counts))) if self.below(3) else None
+
+
+def make(kind: dict[str, Any]) -> kl.Controller:
+    omni = isinstance(kind.get("problem", kl.NavigationProblem()).wheels, kl.Omni)
+    return kl.Controller((kl.nominal_omni if omni else kl.nominal_unicycle)(0.1), **kind)
 
 
 def fuzz(steps: int, seed: int) -> dict[int, float]:
-    """Drive all kinds of controllers through steps, with a new map and goal every few.
+    """Drive all kinds of controllers through steps; every few, a pose, goal or map is new.
 
     Numbers of the steps that took too long, and the processor's time for each [s].
     """
     sender, slow = Sender(seed), {}
-    controllers = [kl.Controller(kl.nominal_unicycle(0.1), **kind) for kind in KINDS]
+    controllers = [make(kind) for kind in KINDS]
+    drives: list[Any] = [(np.zeros(3), np.zeros(3), ())] * len(KINDS)
     for number in range(steps):
-        controller = controllers[number % len(controllers)]
-        if number % 40 < len(controllers):
-            goal, obstacles = sender.numbers(3), sender.obstacles()
-            pose = sender.numbers(3, 1.0)
+        kind = number % len(controllers)
+        controller, (pose, goal, obstacles) = controllers[kind], drives[kind]
+        match sender.below(12):
+            case 0:
+                pose = sender.numbers(3, 1.0)
+                goal, obstacles = sender.goal(pose), sender.obstacles()
+            case 1:
+                goal = sender.goal(pose)
+            case 2 | 3:
+                obstacles = sender.obstacles()
+        drives[kind] = pose, goal, obstacles
         shown = sender.one_of(SHAPES) if sender.rarely() else obstacles
         at = sender.numbers(3) if sender.rarely() else pose
         begun = time.process_time()
@@ -149,7 +179,7 @@ def fuzz(steps: int, seed: int) -> dict[int, float]:
             continue
         finally:
             took = time.process_time() - begun
-            budget = KINDS[number % len(KINDS)].get("time_budget", 0.0)
+            budget = KINDS[kind].get("time_budget", 0.0)
             if took > max(1.2 * budget, LONGEST_STEP):
                 slow[number] = took
         low, high, _, _ = controller.problem.bounds
@@ -158,7 +188,7 @@ def fuzz(steps: int, seed: int) -> dict[int, float]:
         assert (plan.command <= high + 1e-9).all(), (seed, number)
         assert np.isfinite(plan.inputs).all() and np.isfinite(plan.states).all(), (seed, number)
         assert plan.reason.isprintable() or "\n" in plan.reason
-        pose = plan.states[1]
+        drives[kind] = plan.states[1], goal, obstacles
     return slow
 
 

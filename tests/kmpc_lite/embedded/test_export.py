@@ -40,6 +40,7 @@ def lagging(dt: float = 0.1) -> kl.KoopmanModel:
 CASES: dict[str, tuple[kl.KoopmanModel, dict[str, Any]]] = {
     "nominal": (kl.nominal_unicycle(0.1), {}),
     "lag and slow changes": (lagging(), {"du_max": (0.6, 2.0), "horizon": 12}),
+    "changes weighed": (lagging(), {"R_change": [[0.08, 0.02], [0.02, 0.05]]}),
     "large": (noisy(), {"robot_radius": 0.6, "u_min": (-1.0, -1.0), "u_max": (2.0, 1.0)}),
 }
 
@@ -206,6 +207,7 @@ def test_a_path_is_driven_as_the_guide_drives_it(case, way, tmp_path):
     """To where it holds: place, gears, last turn, margins, weights of the goal, tolerances."""
     model, given = CASES[case]
     weights = {"Q": (1.0, 1.0, 0.3), "R": (0.1, 0.1), "Q_terminal": (8.0, 8.0, 2.0)}
+    weights["R_change"] = (0.0, 0.0)
     problem = kl.NavigationProblem(dt=model.dt, **(weights | given))
     size = problem.robot_radius / 0.15
     poses = np.array(WAYS[way]) * (size, size, 1.0)

@@ -39,6 +39,9 @@ def test_the_derivative_is_that_of_the_inputs(late: ResponseDictionary) -> None:
                 (now if age == 0 else before[:, -age])[:, column] += sign * step
                 ends.append(late.inputs(now, before))
             found = (ends[0] - ends[1]) / (2 * step)
+            if "v*|omega|" in late.terms and column == 1:
+                # what turning costs is predicted, and not steered with
+                found[:, late.terms.index("v*|omega|")] = 0.0
             np.testing.assert_allclose(jacobian[:, :, age, column], found, atol=1e-7)
 
 

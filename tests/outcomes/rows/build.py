@@ -131,11 +131,12 @@ class Table:
         quick: bool = False,
         right: str = "arrived",
         touches: bool = False,
+        chatter: float = 0.15,
         **named: Any,
     ) -> None:
         """Add a row; `make` gets the seed first, then the arguments."""
         bound: Make = partial(_seeded, make, arguments, named)
-        self.rows.append(Row(name, self.family, bound, quick, right, touches))
+        self.rows.append(Row(name, self.family, bound, quick, right, touches, chatter))
 
 
 def _seeded(

@@ -89,6 +89,26 @@ for number in range(2):
         pose_age=0.25,
         options={"pose_age": 0.25},
     )
+TURN_LOSS = 0.06
+for number, (lag, dead_time, speed, turn) in enumerate(
+    ((0.15, 0.0, 0.6, 1.2), (0.3, 0.1, 0.5, 1.0), (0.1, 0.15, 1.2, 1.8), (0.25, 0.05, 0.9, 1.5))
+):
+    body = Body(turn_loss=TURN_LOSS, lag=lag, dead_time=dead_time)
+    for word, circles in (("straight ahead", ()), ("past a circle", ((3.0 * speed, 0.05, 0.2),))):
+        LAG.add(
+            f"a robot that loses speed as it turns, learned, {word}, robot {number}",
+            lambda seed, body=body, bounds=(speed, turn), circles=circles: drive(
+                scene(*circles, half=8.0 * bounds[0]),
+                (0, 0, 0),
+                (6.0 * bounds[0], 0, 0),
+                seed,
+                models.learned_body(body, 0.1, bounds, (0.002, 0.004)),
+                body,
+                problem={"u_min": np.negative(bounds), "u_max": bounds},
+            ),
+            quick=number == 2,
+            chatter=0.15 if circles else 0.05,
+        )
 for ramp in ((1.0, 1.0), (0.6, 0.8)):
     body = Body(0.05, lag=0.1, dead_time=0.1, ramp=(0.6 / ramp[0], 0.785 / ramp[0]))
     LAG.add(

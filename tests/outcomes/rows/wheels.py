@@ -10,7 +10,7 @@ import numpy as np
 import kmpc_lite as kl
 from outcomes.plant import Array
 from outcomes.rows.build import Table, drive, on_map, scene
-from outcomes.setup import Scene, Setup
+from outcomes.setup import NO_CIRCLES, Scene, Setup
 from outcomes.steered import Bicycle, Mecanum, Rollers, Steering
 
 CARS, OMNIS = Table("cars"), Table("omnis")
@@ -122,6 +122,41 @@ def lane(seed: int, half: float) -> Setup:
 
 CARS.add("turns round in a lane by changes of gear", lane, 0.55)
 CARS.add("turns round in a narrower lane", lane, 0.42)
+
+
+CART_RADIUS, CART_SPEED = 2.64, 2.5
+GOLF_CART = {
+    "horizon": 30,
+    "u_min": (-1.0, -CART_SPEED / CART_RADIUS),
+    "u_max": (CART_SPEED, CART_SPEED / CART_RADIUS),
+    "du_max": (2.0, math.inf),
+    "footprint": kl.Footprint.rectangle(2.4, 1.2, ahead=0.825),
+    "wheels": kl.Car(CART_RADIUS),
+    "goal_tolerance": (0.2, 0.1),
+}
+
+
+def corridor(seed: int, width: float, bend: float, **options: Any) -> Setup:
+    """A corridor with two bends, for a golf cart whose motor lags more than its model knows."""
+    random = np.random.default_rng([seed, round(100 * width)])
+    first, second = random.uniform(8.0, 12.0, 2).tolist()
+    steps = [(4.0 + first, 0.0), (second, bend), (8.0, 0.0)]
+    moves = [(d * math.cos(a), d * math.sin(a)) for d, a in steps]
+    line = np.array([(-4.0, 0.0), *moves]).cumsum(axis=0)
+    # walls meet on the bisectors
+    aside = [(0.0, 1.0), *2 * [(-math.tan(0.5 * bend), 1.0)], (0.0, 1.0)]
+    sides = [line + 0.5 * sign * width * np.array(aside) for sign in (1, -1)]
+    solids = [kl.Wall(*a, *b, 0.05) for side in sides for a, b in zip(side, side[1:], strict=False)]
+    around = Scene((-5.0, -25.0, 35.0, 25.0), NO_CIRCLES, tuple(solids))
+    goal = (line[3, 0] - 5.0, line[3, 1], 0.0)
+    steering = Steering(1.0 / CART_RADIUS, rate=0.8, lag=0.34)
+    more = {"problem": GOLF_CART, "options": options, "tolerance": (0.3, 0.2)}
+    return car(seed, around, (0, 0, 0), goal, steering, **more)
+
+
+for width, bend in ((2.2, 0.7), (2.5, -0.5), (2.8, 0.9)):
+    CARS.add(f"a golf cart in a corridor of {width} m", corridor, width, bend)
+CARS.add("a golf cart in a corridor, adapted", corridor, 2.6, -0.8, adaptation=True)
 
 
 def told(seed: int) -> Setup:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.options.sight import USUAL_OBSTACLES
 from kmpc_lite.control.world.boxes import Boxes
-from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.occupancy import OccupancyGrid, count_runs
 from kmpc_lite.control.world.sight.local_map import IN_VAIN, UNKNOWN, LocalMap, cell_distances
 from kmpc_lite.control.world.sight.outlook import Outlooks
 from kmpc_lite.control.world.solids import Nearby, Solids
@@ -132,10 +133,16 @@ class View:
         if not len(rows):
             return given
         (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
-        occupied = is_hit[bottom:top, left:right]
-        corner = here.cell * np.array([here.column + left, here.row + bottom])
+        occupied, cell = is_hit[bottom:top, left:right], here.cell
+        corner = cell * np.array([here.column + left, here.row + bottom])
+        # of dense noise: in larger cells, which hold all that the smaller ones did
+        while count_runs(occupied) > USUAL_OBSTACLES.grid_runs:
+            height, width = occupied.shape
+            even = np.pad(occupied, ((0, height % 2), (0, width % 2)))
+            occupied = even.reshape(-(-height // 2), 2, -(-width // 2), 2).any(axis=(1, 3))
+            cell *= 2.0
         others = () if given is None else given.solids
-        return Solids([*others, OccupancyGrid(occupied, here.cell, corner)])
+        return Solids([*others, OccupancyGrid(occupied, cell, corner)])
 
     def blocks(self, points: Array, distance: float) -> bool:
         """Whether something that was hit is nearer than a distance to any of points (n, 2)."""

@@ -34,6 +34,12 @@ CASES = {
     ),
     "goal outside the area": (kl.NavigationProblem(**AREA), (1.2, 0.0, 0.4), (2.6, 0.5, 0.0), ()),
     "inside an obstacle": (kl.NavigationProblem(), (0.45, 0.5, 0.2), GOAL, MAP),
+    "weight on changes": (
+        kl.NavigationProblem(R_change=[[0.8, 0.1], [0.1, 0.3]]),
+        (0.35, -0.35, 2.98),
+        GOAL,
+        MAP,
+    ),
     "short horizon": (replace(WIDE, horizon=3), (-2.5, 0.94, 2.48), GOAL, ()),
     "full weights": (
         kl.NavigationProblem(
