@@ -26,7 +26,7 @@ from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.geometry import wrap
 from kmpc_lite.model.arguments import speeds
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
@@ -50,6 +50,7 @@ class Guiding:
         self._guide, self._dt = guide, units.dt
         self._inflation, self._stages = units.inflation, units.horizon + 1
         self._rates = RateLimit(units)
+        self._deceleration = units.deceleration[[0, -2 if units.wheels.inputs > INPUTS else 0, -1]]
 
     def reference(
         self, state: ControllerState, seen: Observation, known: Knowledge, until: float
@@ -89,6 +90,12 @@ class Guiding:
         task = GuideTask(
             pose=here,
             goal=seen.goal,
+            rolls_on=state.history.rolls_on(
+                float(seen.here[2]),
+                self._deceleration,
+                rest is not None,
+                self._dt * state.lateness.periods,
+            ),
             circles=things,
             solids=seen.solids,
             rest=rest,

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
     from kmpc_lite.control.path.situation import Guidance
 
+MOTION_TIME = 0.1
+"""Over how long the robot's speeds are seen from its poses [s]: noise averages out of more of them,
+and a longer one would show what is past."""
 REACH_BEYOND_PLAN = 2.0
 """Solids are looked at as far as the fastest plan reaches and this much farther [radii]: for
 margins, and because the pose may be wrong."""
@@ -88,6 +91,7 @@ class Pipeline:
         self._options, self._problem = options, units
         self._sqp, self._pose_age = sqp, pose_age
         self._guiding = Guiding(units, guide)
+        self._newest = min(problem.dt / MOTION_TIME, 1.0)
         self._rates, self._lateness = RateLimit(units), Lateness(units, pose_age)
         self._emerging_speed = options.sight.emerging_speed / scale.speed
         self._kernels = kernels
@@ -121,6 +125,8 @@ class Pipeline:
         history, changed = state.history, False
         if seen.sent is not None:
             history.correct(seen.sent, self._problem)
+        measured = seen.pose if seen.pose_is_known else None
+        history.see(measured, known.model, self._newest)
         if state.lateness.sought:
             pose = seen.pose if seen.pose_is_known and history.driven is not None else None
             changed = self._lateness.see(state.lateness, known.model, history.given, pose)

@@ -20,8 +20,8 @@ HEAD = """\
 # steps in which a command jumps back [%], period [s]. "+-": how far the time [%] and the clearance
 # moved when measured poses were changed by 1e-9 radii, three times: twice that widens the band
 # within which a row is judged. Of such drives contacts, changes of gear, shares STOPPED and jumps
-# back are the largest, and all ends are listed. "!" marks a known failure: a row that touches, or does not end as
-# it should. Written by `python -m outcomes record`.
+# back are the largest, and all ends are listed. "!" marks a known failure: a row that touches, or
+# does not end as it should. Written by `python -m outcomes record`.
 """
 COLUMNS = (
     "!",

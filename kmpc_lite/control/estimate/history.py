@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import nearest_turn, rotate, seen_along
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, unmodelled_delay
-from kmpc_lite.types import Array
+from kmpc_lite.types import STATES, Array
 
 OLDEST_POSE, OLDEST_POSE_PERIODS = 2.0, 1000
 """Largest `pose_age` [s]: of an older pose nothing follows for the present one. The same in
@@ -71,6 +72,10 @@ class CommandHistory:
     """(3,) pose that was measured last, predicted since if it is lost; none before the first."""
     motion: Array | None = None
     """(T, 2) the last safe motion, from the command sent last to rest; none if there is none."""
+    seen: Array | None = None
+    """(3,) the newest pose as it was measured; none if it was not."""
+    beyond: Array = field(default_factory=lambda: np.zeros(STATES))
+    """(3,) speeds ahead, to the left and round that measured poses show beyond the model's."""
     driven: DrivenPeriod | None = None
     """The past period; none if nobody knows what was sent, or where."""
 
@@ -111,6 +116,43 @@ class CommandHistory:
         speed, turn_rate = float(self.command[0]), float(self.command[-1])
         if abs(speed) > CREEPS:
             self.curvature = turn_rate / speed
+
+    def see(self, pose: Array | None, model: MotionModel, weight: float) -> None:
+        """Take in a measured pose (3,), with the newest speeds' weight; none if there is none."""
+        if pose is not None and self.seen is not None and self.driven is not None:
+            expected = model.predict(self.seen, self.driven.command, self.driven.earlier)
+            off = pose - expected
+            off[2] -= nearest_turn(float(off[2]))
+            beyond = seen_along(off, expected[2]) / model.dt
+            self.beyond = self.beyond + weight * (beyond - self.beyond)
+        self.seen = None if pose is None else pose.copy()
+
+    def rolls_on(
+        self, heading: float, deceleration: Array, known: bool, late: float = 0.0
+    ) -> Array:
+        """Displacement (3,) of a robot that brakes, beyond that which its model knows of.
+
+        One that lags more than its model knows still rolls when it was told to stand.
+
+        Parameters
+        ----------
+        heading : float
+            From which it rolls on [rad].
+        deceleration : ndarray
+            (3,) ahead, to the left and round; all speeds shrink by one factor.
+        known : bool
+            Whether the model, or limits, tell how it comes to rest from the command sent last;
+            else it brakes from that, too.
+        late : float
+            How much later than its model says it is found to answer: so long it rolls at the least.
+        """
+        speeds = self.beyond
+        if not known:
+            ahead, *left, turn = self.command.tolist()
+            speeds = speeds + (ahead, left[0] if left else 0.0, turn)
+        time = max(0.5 * float((np.abs(speeds) / deceleration).max()), late)
+        dx, dy, turn = (time * speeds).tolist()
+        return np.array((*rotate(dx, dy, heading + 0.5 * turn), turn))
 
     def correct(self, command: Array, problem: NavigationProblem) -> None:
         """Put what was really sent, NaN if nobody knows, in the place of the last command."""

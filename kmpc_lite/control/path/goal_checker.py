@@ -150,8 +150,8 @@ def holds(
     state: GoalCheckerState,
     tolerances: GoalTolerances,
     error: Array,
-    rest: Array,
     stalled: bool = False,
+    *rests: Array,
 ) -> bool:
     """Tell whether the command is to be zero.
 
@@ -163,15 +163,14 @@ def holds(
         Of this robot.
     error : ndarray
         Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi].
-    rest : ndarray
-        The same of the pose at which the robot would stand if it braked now.
     stalled : bool
         Whether the robot gets no nearer: it has arrived where it would not leave again.
+    *rests : ndarray
+        The same of poses at which the robot would stand if it braked now: by its model, and by how
+        it was seen to move. It holds where all of them are within tolerance.
     """
     if not state.holding:
-        state.holding = _has_arrived(error, tolerances, stalled) and (
-            rest is error or _has_arrived(rest, tolerances, stalled)
-        )
+        state.holding = all(_has_arrived(e, tolerances, stalled) for e in (error, *rests))
         if state.holding:
             state.mean_error = error.copy()
         return state.holding

@@ -207,7 +207,9 @@ class Guide:
         # a car that has come to rest at the end of its path gets no nearer but by changes of gear
         ended = path.duration - place <= self._dt and abs(now.speed) <= STANDS
         stalled = state.progress.stalls > 0 or (ended and not self._wheels.turns_on_the_spot)
-        hold = holds(state.goal_checker, tolerances, now.error, now.rest_error, stalled)
+        hold = holds(
+            state.goal_checker, tolerances, now.error, stalled, now.rest_error, now.rolled_error
+        )
         hold = hold and (moving is None or moving.spares(now.pose))
         scale = 1.0 if moving is None else moving.speed_scale(path, place)
         if moving is not None and scale is None:

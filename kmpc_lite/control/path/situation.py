@@ -41,6 +41,8 @@ class GuideTask(NamedTuple):
     """Polygons, walls and grids; unequal ones are another map."""
     rest: Array | None = None
     """Pose (3,) at which the robot would stand if it braked now; where it is, if not given."""
+    rolls_on: Array | float = 0.0
+    """Displacement (3,) from there, if it lags more than its model knows."""
     until: float = math.inf
     """When to leave a search that is needed at once to the next step [s], on the guide's clock; the
     old path is kept meanwhile, and if there was none the robot stands."""
@@ -65,6 +67,8 @@ class Situation(NamedTuple):
     """Pose less goal (3,), the heading's in [-pi, pi]."""
     rest_error: Array
     """The same of the pose at which the robot stands if it brakes now."""
+    rolled_error: Array
+    """The same where it lags more than its model knows: it rolls on."""
     distance: float
     """To the goal [m]."""
     circles: Array
@@ -129,12 +133,14 @@ class Surveyor:
             rest = None if rest is None else point_of(rest, centre)
         error = pose - goal
         error[2] -= nearest_turn(float(error[2]))
+        rest_error = error if rest is None else error + (rest - pose)
         return Situation(
             pose=pose,
             goal=goal,
             target=target,
             error=error,
-            rest_error=error if rest is None else error + (rest - pose),
+            rest_error=rest_error,
+            rolled_error=rest_error + task.rolls_on,
             distance=math.hypot(error[0], error[1]),
             circles=task.circles,
             solids=task.solids,

@@ -132,19 +132,35 @@ static void braked(const real *pose, const real *past, real *at)
     memcpy(at, led + 3 * (periods + KMPC_L), 3 * sizeof(real));
 }
 
+/* Displacement of a robot that brakes from its last command, of which its model knows nothing. */
+static void rolls_on(const real *pose, const real *past, real *by)
+{
+    const real *last = past + 2 * (KMPC_PAST - 1);
+    real time = 0;
+    for (int i = 0; i < 2; i++) {
+        const real needed = M(fabs)(last[i]) * K.dt / K.ramp_step[i];
+        time = needed > time ? needed : time;
+    }
+    const real driven = R(0.5) * time * last[0], turned = R(0.5) * time * last[1];
+    by[0] = driven * M(cos)(pose[2] + R(0.5) * turned);
+    by[1] = driven * M(sin)(pose[2] + R(0.5) * turned);
+    by[2] = turned;
+}
+
 static int is_within(const real *error, const real *tolerance)
 {
     return M(hypot)(error[0], error[1]) <= tolerance[0] && M(fabs)(error[2]) <= tolerance[1];
 }
 
 /* Whether the robot has arrived, and is not pushed out of its tolerances again. */
-static int holds(struct kmpc_path *path, const real *error, const real *rest)
+static int holds(struct kmpc_path *path, const real *error, const real *rest, const real *rolled)
 {
     if (path->holding) {
         for (int i = 0; i < 3; i++)
             path->mean_error[i] += K.averaging * (error[i] - path->mean_error[i]);
         path->holding = is_within(error, K.pushed) && is_within(path->mean_error, K.leave);
-    } else if (is_within(error, K.enter) && is_within(rest, K.enter)) {
+    } else if (is_within(error, K.enter) && is_within(rest, K.enter) &&
+               is_within(rolled, K.enter)) {
         path->holding = 1;
         memcpy(path->mean_error, error, 3 * sizeof(real));
     }
@@ -165,7 +181,7 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
                       const real *coming, int things, const real *thing, struct kmpc_way *way)
 {
     static real led[3 * (KMPC_L + 1)], states[3 * (KMPC_N + 1)], later[KMPC_N + 1];
-    real error[3], rest[3], found[2];
+    real error[3], rest[3], rolled[3] = {0}, found[2];
     kmpc_model_rollout(pose, past, coming, coming ? KMPC_N - 1 : 0, K.late, led);
     const real *here = led + 3 * K.late, *goal = path->pose[path->count - 1];
     for (int i = 0; i < 3; i++)
@@ -174,8 +190,10 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
     memcpy(rest, here, sizeof(rest));
     if (K.limits_changes || K.late)
         braked(pose, past, rest);
+    else
+        rolls_on(pose, past, rolled);
     for (int i = 0; i < 3; i++)
-        rest[i] += error[i] - here[i];
+        rolled[i] += rest[i] += error[i] - here[i];
     begin_last_turn(path, error, rest);
     const int is_new = !path->begun;
     if (is_new)
@@ -189,7 +207,7 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
     }
     if (path->turning ? path->time < drive_end : path->time > drive_end)
         path->time = drive_end;
-    way->holds = holds(path, error, rest);
+    way->holds = holds(path, error, rest, rolled);
     for (int k = 0; k <= KMPC_N; k++)
         later[k] = K.lead_time + K.dt * (real)k;
     kmpc_along_path(&on, KMPC_N + 1, later, path->time, path->leg, here[2], path->turning, states);

@@ -42,7 +42,7 @@ class Goal:
         self.tolerances = QUIET if model is None else goal_tolerances(model, OPTIONS)
 
     def holds(self, error: np.ndarray, rest: np.ndarray | None = None) -> bool:
-        return holds(self.state, self.tolerances, error, error if rest is None else rest)
+        return holds(self.state, self.tolerances, error, False, error if rest is None else rest)
 
 
 def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
