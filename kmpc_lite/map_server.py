@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from kmpc_lite.reading import read_bytes
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 LIMITS = {"occupied_thresh": 0.65, "free_thresh": 0.196}
 """map_server's own, for a file without them."""
+MAP_SAVERS_GREY = 205 / 255
+"""Brightness by which map_saver writes what is unknown."""
 MOST_YAML_BYTES = 2**13
 """Longest map.yaml."""
 MOST_HEADER_BYTES = 2**16
@@ -47,20 +50,53 @@ def read_map(path: Path, most_cells: int) -> tuple[NDArray[np.int8], float, tupl
     origin = tuple(_number(path, "origin", v) for v in fields["origin"].strip("[]").split(","))
     if len(origin) not in (2, 3):
         raise ProblemError(f"{path}: origin: expected [x, y, yaw], got {fields['origin']!r}")
-    limits = {
-        key: _number(path, key, fields.get(key, str(default))) for key, default in LIMITS.items()
-    }
-    image = path.parent / fields["image"].strip("\"'")
+    free, occupied = _thresholds(path, fields)
+    image = _image(path, fields["image"].strip("\"'"))
     pixels, white = _read_pgm(image, most_cells)
     # of each value, since there are fewer of these than pixels
     dark = np.arange(white + 1) / white
     if _number(path, "negate", fields.get("negate", "0")) == 0.0:
         dark = 1.0 - dark
     cells = np.full(dark.shape, UNKNOWN, dtype=np.int8)
-    cells[dark > limits["occupied_thresh"]] = OCCUPIED
-    cells[dark < limits["free_thresh"]] = FREE
+    cells[dark > occupied] = OCCUPIED
+    cells[dark < free] = FREE
+    grey = round(white * MAP_SAVERS_GREY)
+    if cells[grey] == FREE and (pixels == grey).any():
+        cells[grey] = UNKNOWN
+        warnings.warn(
+            f"{path}: free_thresh {free:g} makes the grey {grey} free by which map_saver writes "
+            f"what is unknown: it stays unknown; with {LIMITS['free_thresh']:g} nothing is warned",
+            stacklevel=2,
+        )
     # an image begins at the top, a grid at the bottom
     return cells[pixels][::-1], _number(path, "resolution", fields["resolution"]), origin
+
+
+def _thresholds(path: Path, fields: dict[str, str]) -> tuple[float, float]:
+    """Shares of darkness below which a pixel is free, and above which it is occupied."""
+    found = {key: _number(path, key, fields.get(key, str(n))) for key, n in LIMITS.items()}
+    for key, value in found.items():
+        if not 0.0 <= value <= 1.0:
+            percent = f"; {value:g} % would be {value / 100.0:g}" if 1.0 < value <= 100.0 else ""
+            raise ProblemError(
+                f"{path}: {key}: expected a share from 0 to 1, got {value:g}{percent}"
+            )
+    free, occupied = found["free_thresh"], found["occupied_thresh"]
+    if free >= occupied:
+        raise ProblemError(
+            f"{path}: expected free_thresh < occupied_thresh, got {free:g} and {occupied:g}"
+        )
+    return free, occupied
+
+
+def _image(path: Path, name: str) -> Path:
+    """Path of a map's image, which lies in the map's folder or below: a map reads nothing else."""
+    image = path.parent / name
+    if "\0" in name or not image.resolve().is_relative_to(path.parent.resolve()):
+        raise ProblemError(
+            f"{path}: image: expected a file in the map's own folder, got {name!r:.80}"
+        )
+    return image
 
 
 def _fields(text: str) -> dict[str, str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 # one BLAS thread each: more only get in each other's way; NumPy, and worker processes, read this
@@ -37,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
+    warnings.showwarning = _warn
     try:
         try:
             options = build_parser(known_commands(), words).parse_args(words)
@@ -65,6 +67,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return told(f"{where}{error.strerror or error}")
     except KeyboardInterrupt:
         return told("stopped", INTERRUPTED)
+
+
+def _warn(message: Warning | str, *_: object) -> None:
+    """Tell what the library warns of in one line."""
+    sys.stderr.write(f"kmpc: warning: {message}\n")
 
 
 class _Complaint:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from copy import copy
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +21,10 @@ LEAST_CELL = 1e-4
 """Least side of a cell [m]: no sensor sees finer."""
 
 
+DOUBTFUL = 50.0
+"""Of 100: a cell that is as likely occupied as free, or likelier, is not known to be free."""
+
+
 class OccupancyGrid:
     """Cells that are occupied or free, like ``nav_msgs/OccupancyGrid``.
 
@@ -28,17 +33,17 @@ class OccupancyGrid:
     Parameters
     ----------
     data : array_like
-        (height, width) of -1 (unknown) and 0 (free) to 100 (occupied), or booleans; the first row
-        has the lowest y, and with a flat list of a message: ``np.reshape(message.data,
-        (info.height, info.width))``.
+        (height, width) of -1 (unknown) and 0 (free) to 100 (occupied), or booleans; values from 0
+        to 1 alone are refused, since nobody knows what they mean. The first row has the lowest y;
+        of a message: ``np.reshape(message.data, (info.height, info.width))``.
     resolution : float
         Side of a cell [m].
     origin : array_like
         x, y [m] of the grid's corner at ``data[0, 0]``, and its heading [rad], (2,) or (3,).
     threshold : float
-        A cell with this value or more is occupied.
+        A cell with this value or more is occupied; one from 50 up to it is unknown.
     unknown_is_free : bool
-        Whether the robot may drive if nothing is known.
+        Whether the robot may drive if nothing is known; it warns where a cell has 50 or more.
     limits : ObstacleOptions
         How many cells it may have, and how small and how ragged they may be.
 
@@ -91,10 +96,23 @@ class OccupancyGrid:
             raise ProblemError(
                 f"grid: expected values from -1 to 100, got {cells.min()} to {cells.max()}"
             )
+        known = cells[cells >= 0]
+        if 0.0 < known.max(initial=0) <= 1.0 < threshold:
+            raise ProblemError(
+                "grid: expected 0 (free) to 100 (occupied), or booleans, got values from 0 to 1 "
+                "alone: give cells.astype(bool), or 100 times probabilities"
+            )
         self.resolution = float(resolution)
         x, y, *heading = map(float, place)
         self.origin = (x, y, heading[0] if heading else 0.0)
-        self.unknown = cells < 0
+        doubtful = (cells >= DOUBTFUL) & (cells < threshold)
+        if unknown_is_free and doubtful.any():
+            warnings.warn(
+                f"grid: {np.count_nonzero(doubtful):,} cells from {DOUBTFUL:g} to below "
+                f"{threshold:g} of 100 count as free, as what is unknown does",
+                stacklevel=2,
+            )
+        self.unknown = (cells < 0) | doubtful
         """(height, width) whether nothing is known."""
         self.occupied: NDArray[np.bool_] = cells >= threshold
         """(height, width) what the robot must not touch."""

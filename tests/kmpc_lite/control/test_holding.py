@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from outcomes.steered import Bicycle, Steering
 
 import kmpc_lite as kl
-from outcomes.steered import Bicycle, Steering
 
 PERIOD, RADIUS = 0.1, 0.2
 

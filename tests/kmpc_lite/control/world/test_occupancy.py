@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from public_cases import case
 
 import kmpc_lite as kl
 from kmpc_lite.control.world.solids import Solids
@@ -25,6 +26,8 @@ YAML = (
         ({"resolution": 0.0}, "resolution"),
         ({"resolution": "fine"}, "resolution"),
         ({"threshold": 0.0}, "threshold"),
+        ({"data": [[0, 1], [1, -1]]}, "got values from 0 to 1 alone"),
+        ({"data": [[0.0, 0.2], [0.97, 1.0]]}, "100 times probabilities"),
     ],
 )
 def test_grids_that_are_none_are_refused(options: dict[str, Any], words: str) -> None:
@@ -34,10 +37,14 @@ def test_grids_that_are_none_are_refused(options: dict[str, Any], words: str) ->
 
 
 def test_what_is_occupied_is_a_matter_of_threshold_and_unknown() -> None:
-    data = [[-1, 0, 64, 65, 100]]
-    assert kl.OccupancyGrid(data, 0.1).occupied.tolist() == [[True, False, False, True, True]]
+    data = [[-1, 0, 49, 64, 65, 100]]
+    found = kl.OccupancyGrid(data, 0.1)
+    assert found.occupied.tolist() == [[True, False, False, True, True, True]]
+    assert found.unknown.tolist() == [[True, False, False, True, False, False]]
+    with pytest.warns(UserWarning, match="1 cells from 50 to below 65 of 100 count as free"):
+        kl.OccupancyGrid(data, 0.1, unknown_is_free=True)
     assert kl.OccupancyGrid(data, 0.1, threshold=10, unknown_is_free=True).occupied.tolist() == [
-        [False, False, True, True, True]
+        [False, False, True, True, True, True]
     ]
     cells = np.array([[0, 100]], dtype=np.int8)
     grid = kl.OccupancyGrid(cells, 0.1)
@@ -112,6 +119,8 @@ def test_map_server_files_are_read_with_their_highest_row_first(tmp_path: Path) 
         (YAML.replace("0.05", "fine"), None, "resolution: expected a number"),
         (YAML.replace("[-1.0, -2.0, 0.0]", "[1.0]"), None, "origin: expected"),
         (YAML + "mode: scale\n", None, "only trinary"),
+        (YAML.replace("map.pgm", "../map.pgm"), None, "in the map's own folder"),
+        (YAML.replace("0.65", "-0.65"), None, "a share from 0 to 1, got -0.65"),
         (YAML, b"P2 3 2 255\n1 2 x", "whole numbers"),
         (YAML, b"P5 3 2 0\n123456", "values up to 0"),
     ],
@@ -152,3 +161,22 @@ def test_patches_that_are_none_are_refused(patch: Any, place: tuple[int, int], w
     grid = kl.OccupancyGrid(np.zeros((30, 40)), 0.1)
     with pytest.raises(kl.ProblemError, match=words):
         grid.update(patch, *place)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("percent", "occupied_thresh: expected a share from 0 to 1, got 65; 65 % would be 0.65"),
+        ("not_a_number", "occupied_thresh: expected a share from 0 to 1, got nan"),
+        ("swapped", "expected free_thresh < occupied_thresh, got 0.9 and 0.1"),
+    ],
+)
+def test_thresholds_that_would_lose_the_walls_are_refused(name: str, words: str) -> None:
+    with pytest.raises(kl.ProblemError, match=words):
+        kl.OccupancyGrid.load(case(f"maps/{name}.yaml"))
+
+
+def test_map_savers_grey_stays_unknown_and_the_user_is_warned() -> None:
+    with pytest.warns(UserWarning, match="makes the grey 205 free"):
+        grid = kl.OccupancyGrid.load(case("maps/nav2_humble.yaml"))
+    assert grid.unknown.any() and (grid.occupied >= grid.unknown).all()
