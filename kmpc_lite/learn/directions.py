@@ -35,6 +35,7 @@ from kmpc_lite.types import INPUTS, Array
 
 AnyResponse = Response | AgedResponse
 ALONG, ACROSS, HEADING = range(3)
+NAMES = ("along", "across", "heading")
 """Rows of a model, and places of their moments in `Moments`."""
 NOMINAL = "nominal"
 """Name of the nominal robot, the step before the ladders."""

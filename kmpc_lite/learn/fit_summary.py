@@ -41,6 +41,8 @@ def verdict(report: FitReport, facts: Mapping[str, Any], driven: Mapping[str, fl
     lacking = facts.get("missing", ())
     steady = "slow" in lacking and not {"left", "right"}.isdisjoint(lacking)
     told = f"{_compared(report, steady)}; drive up to {fastest:.2g} m/s."
+    if stays := facts.get("stays_nominal"):
+        told += " It stays nominal " + " and ".join(stays) + "."
     if not lacking:
         return told
     names = ", ".join(WORDS[name].noun for name in lacking)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -27,6 +27,7 @@ def fit(
     lags: Literal["auto"] | Sequence[int] | None = None,
     ramps: bool = True,
     whole: Dataset | None = None,
+    stay: Collection[int] = (),
 ) -> KoopmanModel:
     """Learn a bilinear Koopman model from driving.
 
@@ -63,8 +64,11 @@ def fit(
         its speeds (`learn.ramps`): then the model is one of commands as they let them through, and
         the controller asks for no faster changes.
     whole : Dataset, optional
-        The log of which `dataset` is a part, its commands let through by the same ramps: lags and
+        The log of which `dataset` is a part, lags and
         terms are chosen on all of it, and fitted to `dataset`.
+    stay : collection of int
+        Directions, 0 along, 1 across, 2 in heading, that stay those of the nominal robot where lags
+        are chosen.
 
     Returns
     -------
@@ -117,11 +121,12 @@ def fit(
         if ramps:
             found = find_ramps(dataset)
             seen = let_through(dataset, found)
-            model = fit(seen, lifting, method, 0.0, noise, True, lags, False)
+            log = None if whole is None else let_through(whole, found)
+            model = fit(seen, lifting, method, 0.0, noise, True, lags, False, log, stay)
             return with_ramps(model, dataset, found)
         refuse_frozen(dataset)
         refuse_car_like(dataset)
-        model = build_model(select(dataset, None, ages, whole), lifting, dataset.dt)
+        model = build_model(select(dataset, None, ages, whole, stay), lifting, dataset.dt)
         return with_noise(model, dataset) if noise else model
     return _fit_once(dataset, by_age or lifting, method, ridge, noise, symmetric)
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
-from kmpc_lite.learn.fit_summary import describe_fit
+from kmpc_lite.learn.directions import ACROSS, ALONG, HEADING, NAMES, NOMINAL
+from kmpc_lite.learn.fit_summary import BETTER, DIRECTIONS, WORSE, describe_fit
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
 from kmpc_lite.learn.provenance import describe_making
@@ -27,7 +31,10 @@ from kmpc_lite.model.dictionary import (
 )
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.types import STATES
 
+SURE = 2.0
+"""Standard errors by which a direction must be worse than the nominal robot's to stay nominal."""
 FEWEST_EPISODES = 10
 """A log of fewer episodes is cut into windows before it is split."""
 WINDOW, WINDOW_STEPS = 5.0, 50
@@ -107,7 +114,8 @@ def learn(
     log, ramps = data, find_ramps(data) if options.lags else Ramps.of({})
     data = let_through(log, ramps)
     train, held = split_log(data, logs, options.holdout, options.seed)
-    model = fit(
+    fitted = partial(
+        fit,
         train,
         _for_commands(options.dictionary, data.commands),
         options.method,
@@ -116,11 +124,18 @@ def learn(
         ramps=False,
         whole=data,
     )
+    model = fitted()
     report = evaluate(model, held, options.horizon)
+    stays: dict[int, str] = {}
+    while "selection" in model.info and (worse := _worst(model, held, report, stays)):
+        stays |= worse
+        model = fitted(stay=stays)
+        report = evaluate(model, held, options.horizon)
     facts: dict[str, Any] = {}
     noise = None
     if "selection" in model.info:
         facts = dict(describe_fit(model, train, data, report))
+        facts["stays_nominal"] = [stays[which] for which in sorted(stays)]
         facts["braking_distance"] += float(facts["largest"]["v"] ** 2 / (2.0 * ramps.slower[0]))
         noise = check_sources(model, held)
     uncalibrated = ""
@@ -141,6 +156,37 @@ def learn(
     made = {**describe_making(model, logs, data, vehicle=vehicle), **limits}
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
     return Learned(model, train, held, report, made, uncalibrated, facts, noise)
+
+
+def _worst(
+    model: KoopmanModel, held: Dataset, report: FitReport, stays: Collection[int]
+) -> dict[int, str]:
+    """Direction in which a model is worse than the nominal robot beyond chance, the worst first.
+
+    It is asked of each held-out piece, and what is lost in all of them is compared with how much it
+    varies. A turn that is wrong leads astray along and across, too: the heading goes first.
+    """
+    pieces = []
+    for episode in held.episodes:
+        try:
+            pieces.append(evaluate(model, Dataset([episode]), report.horizon))
+        except DataError:
+            continue  # shorter than what is predicted
+    ours, theirs = (
+        np.array([getattr(p, name) for p in pieces]).reshape(-1, STATES) ** 2
+        for name in ("multi_step", "nominal_multi_step")
+    )
+    lost = ours - theirs
+    error = lost.std(axis=0, ddof=1) / np.sqrt(len(lost)) if len(lost) > 1 else np.zeros(STATES)
+    for which in (HEADING, ALONG, ACROSS):
+        ratio = report.multi_step[which] / max(report.nominal_multi_step[which], 1e-12)
+        if which in stays or ratio <= WORSE:
+            continue
+        if ratio <= BETTER and not lost.mean(axis=0)[which] > SURE * error[which]:
+            continue  # by so little, and not surely
+        if model.info["selection"]["directions"][NAMES[which]]["step"] != NOMINAL:
+            return {which: f"{DIRECTIONS[which]} ({ratio:.2g} times worse on held-out rows as fitted)"}
+    return {}
 
 
 def _for_commands(dictionary: Dictionary, count: int) -> Dictionary:

@@ -8,7 +8,7 @@ All candidates are judged on the same windows. The chosen rows become a model wi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from kmpc_lite.learn.directions import (
     ACROSS,
     ALONG,
     HEADING,
+    NAMES,
     NOMINAL,
     STAYS,
     AnyResponse,
@@ -77,6 +78,7 @@ def select(
     options: SelectionOptions | None = None,
     ages: Sequence[int] = (),
     whole: Dataset | None = None,
+    stay: Collection[int] = (),
 ) -> Selection:
     """Choose response, slip terms and rows, and fit them.
 
@@ -91,6 +93,8 @@ def select(
         are looked for.
     whole : Dataset, optional
         What terms are chosen on: the log of which `dataset` is a part; `dataset` if not given.
+    stay : collection of int
+        Directions (`ALONG`, `ACROSS`, `HEADING`) that stay those of the nominal robot.
 
     Raises
     ------
@@ -120,11 +124,16 @@ def select(
         Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
         for log in (dataset, dataset if whole is None else whole)
     )
-    turn, heading = choose_response(search, HEADING, AT_ONCE, options)
-    speed, along = choose_response(search, ALONG, turn, options)
-    if dataset.steered and speed != AT_ONCE:
+    turn = speed = AT_ONCE
+    heading = along = across = STAYS
+    if HEADING not in stay:
+        turn, heading = choose_response(search, HEADING, AT_ONCE, options)
+    if ALONG not in stay:
+        speed, along = choose_response(search, ALONG, turn, options)
+    if HEADING not in stay and dataset.steered and speed != AT_ONCE:
         turn, heading = choose_response(search, HEADING, speed, options)
-    across = choose_across(search, speed, turn, along.terms, options)
+    if ACROSS not in stay:
+        across = choose_across(search, speed, turn, along.terms, options)
     # only a car's turn rate follows its speed
     rolls = speed if dataset.steered else AT_ONCE
     turn = refine(fitted, HEADING, turn, rolls, heading.terms, options)
@@ -225,7 +234,7 @@ def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
             "score": _finite(found.score),
             "critical": _finite(found.critical),
         }
-        for name, found in zip(("along", "across", "heading"), selection.directions, strict=True)
+        for name, found in zip(NAMES, selection.directions, strict=True)
     }
     return {
         "method": "integral",

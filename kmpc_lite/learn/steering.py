@@ -26,8 +26,12 @@ LAGS = np.array((1e-9, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6))
 """Time constants of the steering that are tried [s]."""
 LEAST_TURNED = 1.0
 """Sum of the turns that tell a wheelbase [rad]."""
-EXPLAINED = 0.2
-"""Share of the turns, squared, that steering must explain: else they come of something else."""
+EXPLAINED = 0.6
+"""Share of the turns, squared, that steering must explain: else they come of something else. Cars'
+logs have 0.87 and more, relocated poses and late servos included."""
+ON_THE_SPOT, STANDS = 0.1, 0.1
+"""Share of the turns that may come in pieces in which the robot drives less than such a share of
+the distance that it drives in a median one: no car turns where it stands."""
 COMMANDED = 0.2
 """Share of the largest speed from which on a command is one to drive."""
 SHARES, SLOWEST, LATEST = (0.1, 0.2, 0.4), 5.0, 0.3
@@ -134,7 +138,8 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
     DataError
         If the log turns too little to tell, or turns otherwise than it is steered.
     """
-    _, turned, ways = _pieces(time, poses, np.tan(angles))
+    driven, turned, ways = _pieces(time, poses, np.tan(angles))
+    _must_roll(driven, turned)
     explained = (ways @ turned) ** 2 / np.maximum((ways**2).sum(axis=1), 1e-12)
     bent = ways[int(explained.argmax())]
     _must_explain(turned, bent)
@@ -150,6 +155,7 @@ def find_servo(time: Array, poses: Array, positions: Array) -> tuple[float, floa
         If the log turns too little to tell, or turns otherwise than it is steered.
     """
     driven, turned, ways = _pieces(time, poses, positions)
+    _must_roll(driven, turned)
     columns = [np.column_stack([bent, driven]) for bent in ways]
     found = [np.linalg.lstsq(both, turned, rcond=1e-9)[0] for both in columns]
     left = [
@@ -159,6 +165,17 @@ def find_servo(time: Array, poses: Array, positions: Array) -> tuple[float, floa
     gain, offset = found[best].tolist()
     _must_explain(turned, columns[best] @ found[best] if gain else driven)
     return gain, -offset / gain
+
+
+def _must_roll(driven: Array, turned: Array) -> None:
+    """Refuse a log whose turns (n,) come where the robot drives nothing (n,)."""
+    size = np.abs(turned)
+    stands = np.abs(driven) < STANDS * np.median(np.abs(driven)) if len(driven) else driven > 0
+    if size[stands].sum() > ON_THE_SPOT * size.sum() > 0.0:
+        raise DataError(
+            "steering: the robot turns where it stands, as no car does: its commands are v and "
+            "omega (--columns omega=NAME)"
+        )
 
 
 def _must_explain(turned: Array, bent: Array) -> None:
