@@ -79,13 +79,19 @@ class TcpEndpoint(Endpoint):
 
 
 class UdpPort:
-    """A datagram socket with one peer: named from the start, or the first that speaks."""
+    """A datagram socket with one peer: named from the start, or the first that speaks.
 
-    def __init__(self, sock: socket.socket, connected: bool) -> None:
+    A peer that has fallen silent may come back by another port, as a program that was started
+    again does; another host is never taken for it.
+    """
+
+    def __init__(self, sock: socket.socket, connected: bool, host: str | None = None) -> None:
         sock.setblocking(False)
         self._socket, self._connected = sock, connected
         self._peer: tuple[str, int] | None = None
         self._heard = -float("inf")
+        self.host = host
+        """The peer's, once it has spoken, or as it was known before."""
         self.refused = 0
         """Datagrams from others than the peer."""
 
@@ -104,10 +110,11 @@ class UdpPort:
         if self._connected:
             return data
         now = time.monotonic()
-        if sender != self._peer and now - self._heard < PEER_SILENCE:
+        stranger = self.host not in (None, sender[0])
+        if stranger or (sender != self._peer and now - self._heard < PEER_SILENCE):
             self.refused += 1
             return b""
-        self._peer, self._heard = sender, now
+        self._peer, self._heard, self.host = sender, now, sender[0]
         return data
 
     def write(self, data: memoryview) -> int:
@@ -157,5 +164,6 @@ class UdpEndpoint(Endpoint):
         except OSError as error:
             hint = ": another program has the port" if self._listen else ""
             raise LinkError(f"{url}: {error.strerror or error}{hint}") from error
-        self._opened = UdpPort(sock, connected=not self._listen)
+        known = None if self._opened is None else self._opened.host
+        self._opened = UdpPort(sock, not self._listen, known)
         return self._opened

@@ -51,7 +51,7 @@ class LiveAddress:
     host: str = LOOPBACK
     port: int = PORT
     token: str = field(default_factory=new_token)
-    """In the path of the link; whoever has it may let the robot drive again."""
+    """Behind the link's #; whoever has it may let the robot drive again."""
 
     @property
     def is_open(self) -> bool:
@@ -93,7 +93,7 @@ class LiveAddress:
         if host in ("0.0.0.0", "::"):
             host = _outward(host) or socket.gethostname()
         shown = f"[{host}]" if ":" in host else host
-        return [f"http://{shown}:{port}/{self.token}/"]
+        return [f"http://{shown}:{port}/#{self.token}"]
 
 
 def _outward(host: str) -> str:

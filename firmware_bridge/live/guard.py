@@ -2,7 +2,9 @@
 
 A browser shows pages of strangers beside ours. They can send requests here (cross-site), also under
 a name of their own that suddenly leads to this computer (DNS rebinding). The names by which the
-page is called, the origin of what is sent, and a token in the link keep them out.
+page is called, the origin of what is sent, and a token keep them out. The token stands behind the
+link's #, which no browser sends or notes in a log; our script takes it from there and shows it in a
+header of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from firmware_bridge.live.http import BadRequest, Request
 FIRST, LAST = 0.2, 5.0
 """A second action counts from so long after the first one on, and until so long after it [s]."""
 OWN_HEADER = "x-kmpc"
-"""No page of another site can send it without asking first, and nobody answers who asks."""
+"""Holds the token. No page of another site can send it without asking first, and nobody answers who
+asks."""
 
 
 class Guard:
@@ -28,7 +31,7 @@ class Guard:
     Parameters
     ----------
     token : str
-        First part of the path of a link.
+        Behind the # of a link.
     is_open : bool
         Whether one may watch and stop without it.
     names : sequence of str
@@ -38,8 +41,15 @@ class Guard:
     def __init__(self, token: str, is_open: bool, names: Sequence[str]) -> None:
         self._token, self._is_open, self._names = token.encode(), is_open, frozenset(names)
 
-    def enter(self, request: Request) -> tuple[str, bool]:
-        """Give the path behind the token, and whether the token was there.
+    def enter(self, request: Request, public: bool = False) -> bool:
+        """Tell whether the token was shown.
+
+        Parameters
+        ----------
+        request : Request
+            What is asked for.
+        public : bool
+            Whether anybody may have it: our own script, which then shows the token.
 
         Raises
         ------
@@ -49,22 +59,13 @@ class Guard:
         host = request.headers.get("host", "")
         if not self._is_ours(host):
             raise BadRequest(HTTPStatus.FORBIDDEN, "this page is not called by that name")
-        first, _, rest = request.path[1:].partition("/")
-        known = hmac.compare_digest(first.encode("utf-8", "replace"), self._token)
-        if not (known or self._is_open):
+        shown = request.headers.get(OWN_HEADER, "").encode("utf-8", "replace")
+        known = hmac.compare_digest(shown, self._token)
+        if not (known or self._is_open or public):
             raise BadRequest(HTTPStatus.FORBIDDEN, "open the link with the token that was printed")
         if request.method != "GET" or "origin" in request.headers:
             self._check_origin(request, host)
-        return f"/{rest}" if known else request.path, known
-
-    def check_deliberate(self, request: Request, with_token: bool) -> None:
-        """Refuse what may let the robot move, but for our own script in the link with the token."""
-        if not with_token:
-            raise BadRequest(
-                HTTPStatus.FORBIDDEN, "open the link with the token to let the robot drive"
-            )
-        if OWN_HEADER not in request.headers:
-            raise BadRequest(HTTPStatus.FORBIDDEN, "only the page itself may ask for that")
+        return known
 
     def _check_origin(self, request: Request, host: str) -> None:
         """Refuse what another site's page sends; a program that is no browser tells no origin."""

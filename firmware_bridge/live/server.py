@@ -109,7 +109,9 @@ class Server:
         try:
             request = await read_request(reader)
             while request is not None:
-                path, with_token = self._guard.enter(request)
+                path = request.path
+                public = request.method == "GET" and path in FILES
+                with_token = self._guard.enter(request, public)
                 if (request.method, path) == ("GET", "/events"):
                     await self._stream(reader, writer)
                     return
@@ -147,7 +149,10 @@ class Server:
             return _json("{}", keep)
         if path == "/stop":
             return _json(json.dumps(await self._stop()), keep)
-        self._guard.check_deliberate(request, with_token)
+        if not with_token:
+            raise BadRequest(
+                HTTPStatus.FORBIDDEN, "open the link with the token to let the robot drive"
+            )
         if path == "/first":
             self._goal = _goal_of(request.json())
             return _json(json.dumps({"code": self._two.first()}))

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from firmware_bridge.messages import Speeds
 from firmware_bridge.options import bounded, check
 
+STANDS = 1e-3
+"""Speed that no wheel drives [m/s, rad/s]."""
 ZERO = 1e-9
 """Speeds below this [m/s, rad/s] are zero."""
 
@@ -58,6 +60,8 @@ class Limits:
         bounds = [(share * low, share * high) for low, high in zip(lowest, highest, strict=True)]
         scale = 1.0
         for value, (low, high) in zip(speeds, bounds, strict=True):
+            if abs(value) < STANDS:
+                continue  # a way that is not driven limits no other by what rounding leaves of it
             if value > high:
                 scale = min(scale, high / value)
             elif value < low:

@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
-    warnings.showwarning = _warn
+    warnings.showwarning = _warn  # type: ignore[assignment]
     try:
         try:
             options = build_parser(known_commands(), words).parse_args(words)

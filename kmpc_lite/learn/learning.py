@@ -14,8 +14,8 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.directions import ACROSS, ALONG, HEADING, NAMES, NOMINAL
+from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fit_summary import BETTER, DIRECTIONS, WORSE, describe_fit
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
@@ -185,7 +185,9 @@ def _worst(
         if ratio <= BETTER and not lost.mean(axis=0)[which] > SURE * error[which]:
             continue  # by so little, and not surely
         if model.info["selection"]["directions"][NAMES[which]]["step"] != NOMINAL:
-            return {which: f"{DIRECTIONS[which]} ({ratio:.2g} times worse on held-out rows as fitted)"}
+            return {
+                which: f"{DIRECTIONS[which]} ({ratio:.2g} times worse on held-out rows as fitted)"
+            }
     return {}
 
 

@@ -124,7 +124,8 @@ def select(
         Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
         for log in (dataset, dataset if whole is None else whole)
     )
-    turn = speed = AT_ONCE
+    turn: AnyResponse = AT_ONCE
+    speed: AnyResponse = AT_ONCE
     heading = along = across = STAYS
     if HEADING not in stay:
         turn, heading = choose_response(search, HEADING, AT_ONCE, options)

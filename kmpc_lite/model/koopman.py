@@ -21,6 +21,9 @@ from kmpc_lite.model.noise_model import LARGEST, NoiseModel
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
+OF_THE_NOISE = ("noise_quantiles", "held_out")
+"""What a model's `info` says of its noise and its errors, period by period."""
+
 
 @dataclass(frozen=True, eq=False)
 class KoopmanModel:
@@ -248,14 +251,15 @@ class KoopmanModel:
         """Return the same model for another sampling period [s].
 
         Only a continuous model without input history has one. Its noise model, which was measured
-        per period, is left out.
+        per period, is left out, and the quantiles that were calibrated with it.
         """
         if not self.continuous or self.history:
             raise ModelError(
                 f"model dt {self.dt} s cannot become {dt} s: only an integral fit without input "
                 "history can change its period; fit the log again with the new dt"
             )
-        return replace(self, dt=dt, noise_model=None)
+        info = {k: v for k, v in self.info.items() if k not in OF_THE_NOISE}
+        return replace(self, dt=dt, noise_model=None, info=info)
 
     def with_closed_form(self, make: Callable[[SymmetricForm], SymmetricForm]) -> KoopmanModel:
         """Return the same model, whose closed form, if it has one, is what `make` makes of it."""

@@ -15,6 +15,8 @@ def ask(link: str, path: str = "", method: str = "GET", body: Any = None, **head
     """Status, text and headers of one request below a link."""
     url = urlsplit(link)
     named = {name.replace("_", "-"): value for name, value in headers.items()}
+    if url.fragment:
+        named = {"X-Kmpc": url.fragment} | named
     with closing(http.client.HTTPConnection(url.hostname, url.port, timeout=20)) as connection:
         data = None if body is None else json.dumps(body)
         connection.request(method, url.path + path, data, named)
@@ -25,7 +27,7 @@ def ask(link: str, path: str = "", method: str = "GET", body: Any = None, **head
 def press(link: str, path: str, body: Any = None) -> dict[str, Any]:
     """What our own script gets for a button."""
     url = urlsplit(link)
-    own = {"X-Kmpc": "1", "Origin": f"http://{url.netloc}", "Sec-Fetch-Site": "same-origin"}
+    own = {"Origin": f"http://{url.netloc}", "Sec-Fetch-Site": "same-origin"}
     status, text, _ = ask(link, path, "POST", body or {}, **own)
     assert status == 200, (status, text)
     return json.loads(text)
@@ -51,7 +53,8 @@ class Stream:
     def __init__(self, link: str) -> None:
         url = urlsplit(link)
         self.socket = socket.create_connection((url.hostname, url.port), timeout=20)
-        self.socket.sendall(f"GET {url.path}events HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode())
+        head = f"Host: {url.netloc}\r\nX-Kmpc: {url.fragment}\r\n\r\n"
+        self.socket.sendall(f"GET {url.path}events HTTP/1.1\r\n{head}".encode())
         self._file = self.socket.makefile("rb")
         while self._file.readline().strip():
             pass

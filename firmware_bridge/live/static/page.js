@@ -10,16 +10,29 @@ const id = (name) => document.getElementById(name);
 const drawing = new Drawing(id("map"));
 let state = {}, heard = 0, opened = performance.now(), source = null, dirty = false, silence = 0;
 
+// ---- the token: behind the link's #, which no browser sends; kept for this tab, out of sight
+
+const token = location.hash.slice(1) || sessionStorage.getItem("token") || "";
+sessionStorage.setItem("token", token);
+history.replaceState(null, "", location.pathname);
+
 // ---- what comes in
 
-function open() {
+async function open() {
   if (source || document.hidden) return;
-  source = new EventSource("events");
-  source.onopen = keepLine;  // not before: the stream would take it
-  source.onmessage = (event) => take(JSON.parse(event.data));
-  source.onerror = () => {
-    if (source && source.readyState === EventSource.CLOSED) { source = null; setTimeout(open, 1000); }
-  };
+  const mine = source = new AbortController();
+  try {
+    const answer = await fetch("events", { cache: "no-store", headers: { "X-Kmpc": token }, signal: mine.signal });
+    if (!answer.ok) throw new Error((await answer.text()).trim());
+    keepLine();  // not before: the stream would take it
+    const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+    for (let text = "", part; !(part = await reader.read()).done; ) {
+      const events = (text + part.value).split("\n\n");
+      text = events.pop();
+      for (const event of events) if (event.startsWith("data: ")) take(JSON.parse(event.slice(6)));
+    }
+  } catch (error) { if (!mine.signal.aborted) say("reason", String(error.message || error)); }
+  if (source === mine) { source = null; setTimeout(open, 1000); }
 }
 
 function take(news) {
@@ -46,7 +59,7 @@ function remember(seen) {  // now and then one; the newest is drawn all the same
 
 // a hidden tab watches nothing: a browser has few connections, and STOP needs one
 document.addEventListener("visibilitychange", () => {
-  if (document.hidden) { if (source) source.close(); source = null; } else { opened = performance.now(); open(); }
+  if (document.hidden) { if (source) source.abort(); source = null; } else { opened = performance.now(); open(); }
 });
 
 // ---- what is shown
@@ -126,7 +139,7 @@ let asked = 0, trying = false, confirmed = false, refused = "";
 async function post(path, body, patience = ANSWER) {
   const answer = await fetch(path, {
     method: "POST", cache: "no-store", signal: AbortSignal.timeout(patience),
-    headers: { "Content-Type": "application/json", "X-Kmpc": "1" }, body: JSON.stringify(body || {}),
+    headers: { "Content-Type": "application/json", "X-Kmpc": token }, body: JSON.stringify(body || {}),
   });
   const text = await answer.text();
   if (path !== "line" && path !== "stop") keepLine();  // that may have taken the line

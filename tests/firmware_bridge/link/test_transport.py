@@ -1,12 +1,14 @@
 """Transports over real descriptors: pseudo-terminals, TCP, UDP."""
 
 import os
+import select
+import socket
 
 import pytest
 from free_port import free_port
 from waiting import until
 
-from firmware_bridge.link import open_transport
+from firmware_bridge.link import open_transport, sockets
 from firmware_bridge.link.server import serve
 from firmware_bridge.link.threaded import QUEUE_FRAMES, ThreadedTransport
 from firmware_bridge.messages import LinkError
@@ -50,6 +52,21 @@ def test_close_is_idempotent_and_final(url, opened):
     with pytest.raises(LinkError, match="started before"):
         bridge.transport.start(lambda data, stamp: None)
     board.transport.close()
+
+
+def test_a_silent_udp_peer_is_not_replaced_by_another_host(monkeypatch):
+    monkeypatch.setattr(sockets, "PEER_SILENCE", 0.0)
+    endpoint = sockets.UdpEndpoint("127.0.0.1", port := free_port(socket.SOCK_DGRAM), listen=True)
+    for _ in range(2):  # the second time the link is opened again
+        opened = endpoint.open()
+        for host, heard in (("127.0.0.1", b"robot"), ("127.0.0.2", b""), ("127.0.0.1", b"robot")):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                sender.bind((host, 0))  # a robot that was started again has another port
+                sender.sendto(b"robot" if heard else b"stranger", ("127.0.0.1", port))
+                select.select([opened], [], [], 5.0)
+                assert opened.read() == heard, host
+        assert endpoint.refused == 1
+        opened.close()
 
 
 class StalledPort:

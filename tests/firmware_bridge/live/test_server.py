@@ -38,7 +38,7 @@ def served(host: str = "127.0.0.1"):
         link = feed.links[0]
         if host == "0.0.0.0":
             url = urlsplit(link)
-            link = f"http://127.0.0.1:{url.port}{url.path}"
+            link = f"http://127.0.0.1:{url.port}/#{url.fragment}"
         wait_for(link, lambda shown: "gate" in shown)
         yield link, robot, feed
 
@@ -52,12 +52,13 @@ def test_stop_is_confirmed_and_driving_again_takes_two_actions():
         wait_for(link, lambda shown: shown["gate"] == "ACTIVE")
         assert robot.words == ["stop", "reset", "enable"]
         url = urlsplit(link)
-        own = {"X-Kmpc": "1", "Origin": f"http://{url.netloc}"}
+        own = {"Origin": f"http://{url.netloc}"}
         for path, body, status in (("second", {"code": code}, 409), ("second", {}, 409)):
             assert ask(link, path, "POST", body, **own)[0] == status
         bare = f"http://{url.netloc}/"
         assert ask(bare, "first", "POST", {}, **own)[0] == 403  # without the token
-        assert ask(link, "first", "POST", {})[0] == 403  # by another program's page
+        assert ask(bare, "first", "POST", {}, X_Kmpc="guess", **own)[0] == 403
+        assert ask(f"{bare}{url.fragment}/", "first", "POST", {}, **own)[0] in (403, 405)
         assert ask(bare, "stop", "POST")[0] == 200  # anybody on this computer may stop it
         assert robot.words == ["stop", "reset", "enable", "stop"]
 
@@ -86,8 +87,11 @@ def test_the_page_runs_no_script_but_its_own_and_says_so_to_the_browser():
 def test_on_other_interfaces_nothing_is_reported_without_the_token():
     with served("0.0.0.0") as (link, robot, _):
         url = urlsplit(link)
-        for path in ("", "state", "events", "page.js"):
+        for path in ("state", "events", "etc"):
             assert ask(f"http://{url.netloc}/", path)[0] == 403
+        for path in ("", "page.js"):  # the same for everybody, and tells nothing
+            assert ask(f"http://{url.netloc}/", path)[0] == 200
+        assert "#" in link and url.fragment not in f"{url.path}{url.query}"
         assert ask(f"http://{url.netloc}/", "stop", "POST")[0] == 403 and not robot.words
         assert state(link)["title"] == "a"
 

@@ -34,6 +34,8 @@ def test_limits_are_checked(name, value):
     with pytest.raises(ConfigError, match=name):
         Limits(**{name: value})
     assert Limits(v_reverse=0.0).clip((-1.0, 0.5, 0.1)) == STILL
+    # what rounding leaves of a standstill does not keep a forward-only robot from turning
+    assert Limits(v_reverse=0.0).clip((-1e-9, 0.5, 0.0)) == (0.0, 0.5, 0.0)
 
 
 @pytest.mark.parametrize(

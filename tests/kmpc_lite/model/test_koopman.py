@@ -125,8 +125,12 @@ def test_noise_grows_with_the_command() -> None:
 
 
 def test_another_period_gives_the_same_drive() -> None:
+    quantiles = {"risks": [0.1, 0.01], "quantiles": [1.0, 2.0], "windows": 40}
     model = random_model(UNICYCLE, continuous=True)
+    model = replace(model, info={"noise_quantiles": quantiles, "method": "integral"})
     fine = model.with_dt(0.01)
+    # calibrated for noise that the other period does not have
+    assert fine.info == {"method": "integral"} and "noise_quantiles" in model.info
     coarse_path = model.rollout(np.zeros(3), np.full((1, 2), 0.4))
     fine_path = fine.rollout(np.zeros(3), np.full((10, 2), 0.4))
     np.testing.assert_allclose(fine_path[-1], coarse_path[-1], atol=1e-6)
