@@ -94,6 +94,9 @@ def course(
     scenario = scenario_of(robot, wishes)
     try:
         robot, learned, notes = load_model(robot, rehearse)
+        if robot.footprint is None:
+            shape = {k: learned.info[k] for k in ("radius", "footprint") if k in learned.info}
+            scenario = scenario.of_robot(shape)
         controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error

@@ -6,6 +6,7 @@ lowered; where the robot file does not say how hard the robot brakes, the log do
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -50,7 +51,8 @@ def fit_for(robot: Robot, model: kl.KoopmanModel, name: str) -> tuple[Robot, lis
         For a model of another vehicle, or of another period.
     """
     info, trust = model.info, robot.control.trust_model
-    wrong = [*_other_vehicle(robot, info), *_other_period(robot, model)]
+    wrong = [*_other_vehicle(robot, info), *_other_wheels(robot, info)]
+    wrong += _other_period(robot, model)
     if wrong and not trust:
         raise ConfigError(f"{name}: {'; '.join(wrong)}. Record this robot and learn anew; {TRUST}")
     notes = [f"{name}: {text}; used nevertheless" for text in wrong]
@@ -74,6 +76,19 @@ def _other_vehicle(robot: Robot, info: Mapping[str, Any]) -> list[str]:
     if not different:
         return []
     return [f"learned on another vehicle (the model's and this one's: {'; '.join(different)})"]
+
+
+def _other_wheels(robot: Robot, info: Mapping[str, Any]) -> list[str]:
+    """Why the model is of other wheels, if it is."""
+    wheels = info.get("wheels", {})
+    kind = wheels.get("kind", robot.wheels.kind)
+    if kind == robot.wheels.kind:
+        return []
+    table = ", ".join(f"{key} = {json.dumps(value)}" for key, value in wheels.items())
+    return [
+        f"learned on wheels of the kind {kind}, and the robot file's are {robot.wheels.kind} "
+        f"([robot] wheels = {{{table}}} if that is what it drives on)"
+    ]
 
 
 def _other_period(robot: Robot, model: kl.KoopmanModel) -> list[str]:

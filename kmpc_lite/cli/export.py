@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
     from kmpc_lite.control.problem import NavigationProblem
+    from kmpc_lite.control.wheels import Wheels
     from kmpc_lite.model.koopman import KoopmanModel
 
 NOMINAL = "nominal"
@@ -64,19 +66,33 @@ def run(options: argparse.Namespace) -> int:
 
 def _problem(options: argparse.Namespace, model: KoopmanModel) -> NavigationProblem:
     """The problem that a command line asks for, without an area."""
+    from kmpc_lite.control.footprint import Footprint
     from kmpc_lite.control.problem import NavigationProblem
 
     base = NavigationProblem(dt=model.dt)
-    v, omega = options.max_speed or base.u_max[0], options.max_turn_rate or base.u_max[1]
+    info, driven = model.info, model.info.get("driven", {})
+    # a robot drives no faster than its log shows, unless that is asked for
+    usual = base.u_max[:2] if not driven else (driven["forward"], driven["turn"])
+    v, omega = options.max_speed or usual[0], options.max_turn_rate or usual[1]
     change = options.max_acceleration
     return NavigationProblem(
         dt=model.dt,
         horizon=options.horizon or base.horizon,
-        robot_radius=options.radius or base.robot_radius,
+        robot_radius=options.radius or info.get("radius", base.robot_radius),
+        footprint=Footprint.of(info["footprint"]) if "footprint" in info else None,
         u_min=(-v, -omega),
         u_max=(v, omega),
         du_max=base.du_max if change is None else (change, 4.0 * change),
-    )
+    ).with_wheels(_wheels(info))
+
+
+def _wheels(info: Mapping[str, Any]) -> Wheels:
+    """Wheels of the robot that a model was learned from."""
+    from kmpc_lite.control.wheels import read_wheels
+
+    told = info.get("wheels", {})
+    known = "turning_radius" in told or told.get("kind") == "omni"
+    return read_wheels(told) if known else read_wheels("differential")
 
 
 COMMAND = Command(

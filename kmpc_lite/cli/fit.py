@@ -11,6 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.files import keep_inputs
 from kmpc_lite.cli.log_options import add_force, add_log_options, read_options
+from kmpc_lite.cli.numbers import positive
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
@@ -102,6 +103,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
     add(
         "-v", "--verbose", action="store_true", help="print how the model was learned, line by line"
     )
+    add("--radius", type=positive, metavar="R", help="the robot's radius [m], kept with the model")
+    add(
+        "--footprint",
+        nargs="+",
+        type=float,
+        metavar=("LENGTH WIDTH", "AHEAD"),
+        help="or what it covers: length and width [m], and how far ahead of the pose its middle is",
+    )
     add(
         "--vehicle",
         metavar="NAME",
@@ -118,10 +127,11 @@ def run(options: argparse.Namespace) -> int:
     keep_inputs(options.output, *options.log)
     vehicle = read_vehicle(options.log, options.vehicle)
     told: list[str] = []
+    shape = read_shape(options.radius, options.footprint)
     check_split(options.holdout, options.seed)
     how = learning_options(options)
     whole = load_logs(options.log, options.dt, options.gap, read_options(options), told.append)
-    learned = learn(whole, options.log, how, vehicle)
+    learned = learn(whole, options.log, how, vehicle, shape)
     learned.model.save(options.output)
     if options.json:
         print(json.dumps(as_dict(learned, options.output, told)))
@@ -244,6 +254,18 @@ def read_lags(
         ) from None
 
 
+def read_shape(radius: float | None, footprint: list[float] | None) -> dict[str, Any]:
+    """What is kept of the robot's size; refuses what is no size."""
+    if radius is not None and footprint is not None:
+        raise kl.DataError("--radius: follows from --footprint: give one of them")
+    if footprint is None:
+        return {} if radius is None else {"radius": radius}
+    if len(footprint) not in (2, 3):
+        told = " ".join(f"{value:g}" for value in footprint)
+        raise kl.DataError(f"--footprint {told}: expected LENGTH WIDTH or LENGTH WIDTH AHEAD")
+    return {"footprint": [list(corner) for corner in kl.Footprint.rectangle(*footprint).corners]}
+
+
 def check_split(holdout: float, seed: int) -> None:
     """Refuse what no log can be split by."""
     if not 0.0 < holdout < 1.0:
@@ -278,8 +300,9 @@ def tell_margins(learned: Learned) -> str:
     else:
         how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
     speed = largest_speeds(learned.held)[0]
-    # the robot's size is unknown here, so the line says for which size it holds
-    problem = kl.NavigationProblem(dt=model.dt)
+    # where the robot's size is unknown, the line says for which size it holds
+    size = {"robot_radius": model.info["radius"]} if "radius" in model.info else {}
+    problem = kl.NavigationProblem(dt=model.dt, **size)
     ahead, aside = Margins(model, problem).straight(speed)
     robot = f"at {speed:.2g} m/s a robot of {100 * problem.robot_radius:.0f} cm radius"
     kept = f"{100 * aside:.0f} cm beside obstacles and {100 * ahead:.0f} cm before them"
@@ -292,7 +315,7 @@ COMMAND = Command(
         "kmpc fit run.csv -o robot.npz",
         "kmpc fit drives/ bag/ -o robot.npz --topics odom=/odom cmd=/cmd_vel",
         "kmpc fit run.csv -o robot.npz --columns t=stamp theta=yaw --units t=ns theta=deg",
-        "kmpc fit run.csv -o robot.npz --lags 0 1 2 --product",
+        "kmpc fit run.csv -o robot.npz --radius 0.2   # kept with the model: simulate, run, export",
     ),
     add_options=add_options,
     run=run,

@@ -21,7 +21,7 @@ from kmpc_lite.control.stop.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.model.dictionary import ResponseDictionary, UnicycleDictionary
+from kmpc_lite.model.dictionary import ResponseDictionary
 from kmpc_lite.model.dictionary.terms import TERMS
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
@@ -37,13 +37,8 @@ NO_LIMIT = 1e30
 
 def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> None:
     """Raise ProblemError for what the C code does not have, with what would do instead."""
-    if model.closed_form is None or not isinstance(
-        model.dictionary, UnicycleDictionary | ResponseDictionary
-    ):
-        raise ProblemError(
-            f"export: expected a symmetric model of the unicycle or with a response, got one of "
-            f'{type(model.dictionary).__name__}; fit(data, symmetric=True, lags="auto") makes one'
-        )
+    # what lifts the pose does not matter to a symmetric model, only what its inputs are
+    plain = not model.history and model.dictionary.input_size == model.inputs
     refused = {
         "wheels": not isinstance(problem.wheels, Differential),
         "footprint": problem.footprint is not None,
@@ -57,6 +52,11 @@ def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> No
                 f"export: {name}: the C code drives round robots past circles that are all given; "
                 f"got {name}={getattr(problem, name)!r}"
             )
+    if model.closed_form is None or not (plain or isinstance(model.dictionary, ResponseDictionary)):
+        raise ProblemError(
+            f"export: expected a symmetric model of the unicycle or with a response, got one of "
+            f'{type(model.dictionary).__name__}; fit(data, symmetric=True, lags="auto") makes one'
+        )
 
 
 def solver_of(controller: Controller) -> SQP:

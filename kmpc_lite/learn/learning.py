@@ -88,6 +88,7 @@ def learn(
     logs: Sequence[Path],
     options: LearningOptions | None = None,
     vehicle: Mapping[str, Any] | None = None,
+    shape: Mapping[str, Any] | None = None,
 ) -> Learned:
     """Learn a model from a part of a log, check and calibrate it on the rest.
 
@@ -101,6 +102,8 @@ def learn(
         How.
     vehicle : mapping, optional
         What the logs, or the user, say of the vehicle; see `read_vehicle`.
+    shape : mapping, optional
+        What the user says of its size: `radius` [m], or `footprint`, its corners.
 
     Raises
     ------
@@ -153,7 +156,7 @@ def learn(
     if options.lags:
         model = with_ramps(model, log, ramps)
     limits = {name: model.info[name] for name in ("ramps", "changes") if name in model.info}
-    made = {**describe_making(model, logs, data, vehicle=vehicle), **limits}
+    made = {**describe_making(model, logs, data, vehicle=vehicle), **limits, **(shape or {})}
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
     return Learned(model, train, held, report, made, uncalibrated, facts, noise)
 

@@ -22,11 +22,14 @@ from kmpc_lite.model.info import is_vehicle
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.reading import text_lines
+from kmpc_lite.types import INPUTS
 
 REMARK = "# vehicle "
 """What a log's first line begins with where its recorder knew the vehicle; JSON follows."""
 LONGEST = 4096
 """Characters of the longest such line."""
+ROLLS = 1e-3
+"""Speed below which a command tells no curvature [m/s]."""
 SHOWN = 0.5
 """A speed counts as driven where the log holds it, or more, for so long [s]."""
 
@@ -57,7 +60,21 @@ def describe_making(
     }
     if data.steered:
         made["steered"] = True
+    made["wheels"] = describe_wheels(data)
     return {**made, "vehicle": dict(vehicle)} if vehicle else made
+
+
+def describe_wheels(data: Dataset) -> dict[str, Any]:
+    """Kind of the wheels that a log is of, as `read_wheels` takes it; a car's sharpest turn."""
+    if data.commands > INPUTS:
+        return {"kind": "omni"}
+    if not data.steered:
+        return {"kind": "differential"}
+    v, omega = data.inputs.T
+    rolls = np.abs(v) > ROLLS
+    sharpest = float(np.max(np.abs(omega[rolls] / v[rolls]), initial=0.0))
+    radius = {"turning_radius": round(1.0 / sharpest, 6)} if sharpest > 0.0 else {}
+    return {"kind": "car", **radius}
 
 
 def format_making(info: Mapping[str, Any]) -> str:
@@ -65,8 +82,12 @@ def format_making(info: Mapping[str, Any]) -> str:
     driven, stopping = info["driven"], info["stopping"]
     name = info.get("vehicle")
     who = ", ".join(f"{k} {v}" for k, v in name.items()) if name else "not given (--vehicle NAME)"
+    wheels = info.get("wheels", {})
+    radius = wheels.get("turning_radius")
+    tight = "" if radius is None else f", turning radius {radius:.2f} m"
     lines = [
         f"robot  {who}",
+        f"wheels {wheels.get('kind', 'differential')}{tight}",
         f"speeds {driven['forward']:.2g} m/s forward, {driven['reverse']:.2g} m/s back, "
         f"{driven['turn']:.2g} rad/s: kmpc run goes no faster with this model",
     ]

@@ -110,6 +110,22 @@ def _is_ramps(value: Any) -> bool:
     )
 
 
+def _is_wheels(value: Any) -> bool:
+    """A kind of wheels, and what that takes."""
+    return is_vehicle(value) and value.get("kind") in ("differential", "car", "omni")
+
+
+def _is_outline(value: Any) -> bool:
+    """Corners of an outline, x and y each."""
+    return (
+        isinstance(value, list | tuple)
+        and 3 <= len(value) <= 100
+        and all(
+            isinstance(p, list | tuple) and len(p) == 2 and all(map(_is_number, p)) for p in value
+        )
+    )
+
+
 KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "samples": (_is_count, "a number of samples"),
     "condition": (_is_float, "a number"),
@@ -122,4 +138,7 @@ KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "driven": (_is_speeds, "the largest speeds forward, reverse and turn"),
     "stopping": (_is_stopping, "delay, stops and deceleration"),
     "vehicle": (is_vehicle, "a table of plain values"),
+    "wheels": (_is_wheels, "a table of the kind of the wheels, and of what it takes"),
+    "radius": (_is_count, "the robot's radius"),
+    "footprint": (_is_outline, "corners of the robot's outline"),
 }

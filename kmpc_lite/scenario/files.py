@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.wheels import Wheels, wheels_to_table
+from kmpc_lite.control.wheels import Wheels, read_wheels, wheels_to_table
 from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scene import Solid
@@ -257,6 +257,22 @@ class Scenario:
             )
         except ProblemError as error:
             raise ScenarioError(f"{self.name}: {error}") from error
+
+    def of_robot(self, info: Mapping[str, Any]) -> Scenario:
+        """Return the same for the robot that a model was learned from, as its `info` tells it.
+
+        Wheels that the scenario names stay; a radius or an outline that `fit` was told is the
+        robot's.
+        """
+        told: dict[str, Any] = {}
+        wheels = info.get("wheels", {})
+        if self.wheels is None and ("turning_radius" in wheels or wheels.get("kind") == "omni"):
+            told["wheels"] = read_wheels(wheels)
+        if "footprint" in info:
+            told["footprint"] = Footprint.of(info["footprint"])
+        elif "radius" in info and self.footprint is None:
+            told["radius"] = float(info["radius"])
+        return replace(self, **told) if told else self
 
     @property
     def goals(self) -> tuple[tuple[float, float, float], ...]:

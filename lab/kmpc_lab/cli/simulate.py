@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from kmpc_lab.sim.closed_loop import Run
     from kmpc_lite.scenario.files import Scenario
 
+BEYOND = 1.05
+"""A speed may exceed what a log shows by this factor."""
 TOLD, FAR = 0.01, 1.0
 """A clearance that is more than asked for by so much is explained, if it is not beyond [m]."""
 
@@ -40,9 +43,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--plant",
         choices=("slip", "learned"),
-        default="slip",
-        help="slip: the scenario's slipping robot (default)\n"
-        "learned: one that behaves as the model does, noise and lag included",
+        help="slip: the scenario's slipping robot (default without a model, or with --slip)\n"
+        "learned: the robot of the model, noise and lag included (default with a model)",
     )
     add(
         "--horizon",
@@ -55,7 +57,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--max-speed",
         type=positive,
         metavar="V",
-        help="fastest speed, ahead and back [m/s] (default: 0.6)",
+        help="fastest speed, ahead and back [m/s] (default: 0.6, or what the model's log shows)",
     )
     add(
         "--no-adaptation",
@@ -100,16 +102,19 @@ def run(options: argparse.Namespace) -> int:
     if options.plant == "learned" and options.slip is not None:
         raise kl.ProblemError("--slip goes with --plant slip: a learned robot slips as its log did")
     scenario = read_scenario(options)
-    model = (
-        kl.KoopmanModel.load(options.model)
-        if options.model
-        else (kl.nominal_omni if isinstance(scenario.wheels, kl.Omni) else kl.nominal_unicycle)(
-            SHORTEST_PERIOD
-        )
-    )
+    if options.model:
+        model = kl.KoopmanModel.load(options.model)
+        scenario = scenario.of_robot(model.info)
+    elif isinstance(scenario.wheels, kl.Omni):
+        model = kl.nominal_omni(SHORTEST_PERIOD)
+    else:
+        model = kl.nominal_unicycle(SHORTEST_PERIOD)
+    if options.plant is None:
+        options.plant = "learned" if options.model and options.slip is None else "slip"
     adaptation = False if options.no_adaptation else None
     views = asked_views(options)
-    base = _limited(kl.NavigationProblem(horizon=options.horizon, dt=model.dt), options.max_speed)
+    base = kl.NavigationProblem(horizon=options.horizon, dt=model.dt)
+    base = _limited(base, options.max_speed, model.info.get("driven"), str(options.model))
     drive, recorder = simulate(
         model, scenario, options.plant, base, options.iterations, adaptation, views
     )
@@ -184,11 +189,35 @@ def simulate(
     return run, recorder
 
 
-def _limited(base: kl.NavigationProblem, max_speed: float | None) -> kl.NavigationProblem:
-    """Let a problem's robot drive as fast as that, ahead and back [m/s]."""
-    if max_speed is None:
+def _limited(
+    base: kl.NavigationProblem,
+    max_speed: float | None,
+    driven: Mapping[str, float] | None,
+    name: str,
+) -> kl.NavigationProblem:
+    """Let a problem's robot drive as fast as that, ahead and back [m/s], or as its log shows.
+
+    Raises
+    ------
+    ProblemError
+        For a speed that the log of the model does not show.
+    """
+    if max_speed is None and driven is None:
         return base
-    low, high = (-max_speed, -base.u_max[1]), (max_speed, base.u_max[1])
+    ahead = back = max_speed or float(base.u_max[0])
+    turn = float(base.u_max[1])
+    if driven is not None:
+        shown = max(driven["forward"], driven["reverse"])
+        if max_speed is not None and max_speed > BEYOND * shown:
+            raise kl.ProblemError(
+                f"--max-speed {max_speed:g}: the log of {name} shows {shown:.2g} m/s at the most, "
+                "and nobody knows how its robot drives faster"
+            )
+        ahead, back = driven["forward"], driven["reverse"]
+        if max_speed is not None:
+            ahead, back = min(ahead, max_speed), min(back, max_speed)
+        turn = driven["turn"] or turn
+    high, low = (ahead or back, turn), (-back, -turn)
     return replace(base, u_min=low, u_max=high, deceleration=None, slack_weights=None)
 
 

@@ -67,7 +67,9 @@ def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
         )
     if model.noise_model is not None:
         for name, command in NOISE_COMMANDS.items():
-            forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise(command)))
+            speeds = np.zeros(model.inputs)
+            speeds[[0, -1]] = command
+            forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise(speeds)))
             yield (
                 f"Noise {name}",
                 f"{forward:.3g} mm forward, {left:.3g} mm sideways, "

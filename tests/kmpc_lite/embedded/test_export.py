@@ -275,7 +275,7 @@ def test_what_is_not_in_c_is_refused(tmp_path):
     ):
         with pytest.raises(ProblemError, match=told):
             kl.export(model, kl.NavigationProblem(**given), tmp_path / "no")
-    other = replace(model, dictionary=kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0,)))
+    other = replace(model, dictionary=kl.InputHistoryDictionary(kl.UnicycleDictionary(), (1,)))
     with pytest.raises(ProblemError, match="expected a symmetric model"):
         kl.export(other, kl.NavigationProblem(), tmp_path / "no")
     assert not (tmp_path / "no").exists()

@@ -28,12 +28,12 @@ class LearnedPlant:
     def __init__(self, model: KoopmanModel, seed: int = 0) -> None:
         self.model = model
         self._random = np.random.default_rng(seed)
-        self._past = np.zeros((model.history, 2))
+        self._past = np.zeros((model.history, model.inputs))
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """States (substeps, 3) during one period, evenly spaced between the predicted ends."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        covariance = self.model.noise(command) - self.model.noise(np.zeros(2))
+        covariance = self.model.noise(command) - self.model.noise(np.zeros(self.model.inputs))
         noise = self._random.multivariate_normal(np.zeros(3), covariance, method="eigh")
         end = self.model.predict(state, command, self._past)
         end = end + (*rotate(noise[0], noise[1], state[2]), noise[2])
