@@ -23,19 +23,12 @@ def check_period(period: float, gate: GateSettings) -> None:
         )
 
 
-def check_kind(
-    kind: str, board: BoardEntry | None, limits: Limits, second: str | None = None
-) -> None:
-    """Refuse wheels that a board cannot drive, and a limit or a second board that is another's."""
+def check_kind(kind: str, board: BoardEntry | None, limits: Limits) -> None:
+    """Refuse wheels that a board cannot drive, and a limit that is another's."""
     if board is not None and kind not in board.wheels:
         raise ConfigError(
             f"robot.wheels: {kind}: the driver for {board.label} drives {', '.join(board.wheels)}"
         )
-    pair = kind == "omni" and board is not None and board.pairs
-    if pair and second is None:
-        raise ConfigError("link.second: missing: where the second board drives the rear wheels")
-    if second is not None and not pair:
-        raise ConfigError("link.second: only an omni's four motors need a second board")
     if limits.v_sideways is not None and kind != "omni":
         raise ConfigError(f"limits.v_sideways: only an omni drives sideways, not {kind} wheels")
 

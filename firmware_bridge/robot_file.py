@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.drivers.boards import BOARDS
-from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table, three_numbers
 from firmware_bridge.robot_checks import check_kind, check_period, check_wheels
@@ -55,24 +54,16 @@ class LinkOptions:
     url: str
     """serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT or udp:HOST:PORT."""
     driver: str
-    second: str | None = None
-    """As `url`, of a second board, which drives an omni's rear wheels."""
     timeout: float = bounded(0.1, 300.0, "s", 10.0)
     """How long the board may take to answer [s]."""
     pose: str | None = None
     """udp:HOST:PORT where poses from outside arrive; an autopilot is fed with them, else they
     replace the wheels' odometry."""
-    forward: str | None = None
-    """Links to ground stations that share an autopilot, with blanks between them."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.driver not in (*DRIVERS, TOPICS):
             raise ConfigError(f"driver: expected {', '.join(DRIVERS)}, got {self.driver!r}")
-        if self.forward is not None and self.driver != "mavlink":
-            raise ConfigError(f"forward: only an autopilot can be shared, not {self.driver}")
-        for url in (*(self.forward or "").split(), *filter(None, (self.second,))):
-            open_transport(url)
         check(self)
         if self.pose is not None:
             check_pose_url(self.pose)
@@ -257,7 +248,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         check_period(control.period, gate)
     geometry = sections.get("geometry", {})
     wheels = read_wheels(vehicle.wheels, geometry)
-    check_kind(wheels.kind, BOARDS.get(link.driver), limits, link.second)
+    check_kind(wheels.kind, BOARDS.get(link.driver), limits)
     check_wheels(sections.get("limits", {}), geometry)
     return Robot(
         where,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, Self
@@ -171,7 +170,7 @@ class Showing:
             command=[output.v, output.omega],
             time=shot.now - session.loop.began,
             step=_times(session.planner.step_time),
-            link={"up": status.connected, "text": _link(status, shot.now) + _refused(session)},
+            link={"up": status.connected, "text": _link(status, shot.now)},
         )
         if state is not None:
             packet["pose"] = [state.x, state.y, state.theta]
@@ -196,14 +195,6 @@ def _link(status: LinkStatus, now: float) -> str:
     )
     words = ["up" if status.connected else "DOWN", heard, status.mode, armed, f"{bad} bad or lost"]
     return ", ".join(filter(None, words))
-
-
-def _refused(session: Session) -> str:
-    """What a ground station was refused a moment ago."""
-    shared = session.shared
-    if shared is None or time.monotonic() - shared.refused_at > TOLD:
-        return ""
-    return f"; a ground station was refused: {shared.refusal}"
 
 
 def _times(times: Histogram) -> dict[str, float]:

@@ -35,11 +35,6 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
     _add(add, "--link", "link.url", where, metavar="URL")
     capture = "udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)"
     _add(add, "--pose", "link.pose", capture, metavar="URL")
-    shared = (
-        "share an autopilot with QGroundControl or MAVProxy, repeatable:\n"
-        "udp:127.0.0.1:14550 (sends there), udp:HOST:PORT?listen=1 (waits there)"
-    )
-    _add(add, "--forward", "link.forward", shared, action="append", metavar="URL")
     answer = "how long the board may take to answer [s]"
     _add(add, "--timeout", "link.timeout", answer, type=float, metavar="S")
     add_limits(add)
@@ -168,13 +163,11 @@ def overrides_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
         section, dot, key = name.partition(".")
         if dot and value is not None:
             overrides.setdefault(section, {})[key] = value
-    limits, link = overrides.get("limits", {}), overrides.get("link", {})
+    limits = overrides.get("limits", {})
     if "v_max" in limits:
         limits["v_reverse"] = limits["v_max"]
     if "acceleration" in limits:
         limits["angular_acceleration"] = TURN_SHARE * limits["acceleration"]
-    if "forward" in link:
-        link["forward"] = " ".join(link["forward"])
     for item in vars(options).get("set", ()):
         section, key, value = _assignment(item)
         overrides.setdefault(section, {})[key] = value

@@ -26,8 +26,6 @@ class BoardEntry:
     [s]. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
     wheels: tuple[str, ...] = ("differential",)
     """Kinds of wheels that it can drive."""
-    pairs: bool = True
-    """Whether one board drives two motors, and a second the rear wheels of an omni."""
     encoders: bool = True
     """Whether it tells how the robot moves; if not, poses must come from outside."""
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -54,27 +52,24 @@ BOARDS = {
             "roboclaw",
             "RoboClaw",
             "firmware_bridge.drivers.roboclaw:RoboClawDriver",
-            wheels=("differential", "omni"),
             options={"counts_per_turn": 1440.0},
         ),
         BoardEntry(
             "odrive",
             "ODrive",
             "firmware_bridge.drivers.odrive:ODriveDriver",
-            wheels=("differential", "omni"),
         ),
         BoardEntry(
             "vesc",
             "VESC",
             "firmware_bridge.drivers.vesc:VescDriver",
-            wheels=("differential", "car", "omni"),
+            wheels=("differential", "car"),
             options={"can_id": 1, "pole_pairs": 7},
         ),
         BoardEntry(
             "roboteq",
             "Roboteq",
             "firmware_bridge.drivers.roboteq:RoboteqDriver",
-            wheels=("differential", "omni"),
             options={"counts_per_turn": 1440.0},
         ),
         BoardEntry(
@@ -89,7 +84,6 @@ BOARDS = {
             "Arduino",
             "firmware_bridge.drivers.arduino:ArduinoDriver",
             wheels=("differential", "car", "omni"),
-            pairs=False,
             options={"counts_per_turn": 1440.0},
         ),
         BoardEntry(

@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Autopilot, Driver
 from firmware_bridge.drivers.boards import BOARDS, load
-from firmware_bridge.drivers.pair import PairDriver, halves
 from firmware_bridge.link import Transport, open_transport
-from firmware_bridge.link.shared import SharedTransport
 from firmware_bridge.live.terminal import View
 from firmware_bridge.messages import BridgeError, ConfigError, Controller
 from firmware_bridge.robot_checks import check_period
@@ -26,7 +24,6 @@ from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.observer import Observer
 from firmware_bridge.runtime.reasons import told_once
-from firmware_bridge.runtime.sharing import drives, share
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
@@ -55,14 +52,7 @@ def open_driver(robot: Robot, transport: Transport) -> Driver:
     """Build a robot file's driver on a link not yet open; ConfigError names file and key."""
     kind = load(BOARDS[robot.link.driver].driver)
     try:
-        table = robot.driver_table()
-        if robot.link.second is None:
-            driver: Driver = kind.from_options(transport, table)
-        else:
-            front, rear = halves(table)
-            other = open_transport(robot.link.second)
-            boards = kind.from_options(transport, front), kind.from_options(other, rear)
-            driver = PairDriver(boards, table)
+        driver: Driver = kind.from_options(transport, robot.driver_table())
     except ConfigError as error:
         raise ConfigError(f"{robot.where}: {error}") from None
     if robot.link.pose is not None:
@@ -148,8 +138,6 @@ class Session:
         self._connecting = True
         self.sight: Sight | None = None
         """What the lidar sees, for a robot with one."""
-        self.shared: SharedTransport | None = None
-        """The link, where ground stations share it."""
         self.estop = EmergencyStop(default_socket() if robot.socket is None else robot.socket)
 
     def __enter__(self) -> Self:
@@ -167,8 +155,6 @@ class Session:
             transport = self.logs.open(
                 transport, self._period, self.by_hand, self.robot, self._recorder
             )
-            if self.robot.link.forward and transport is not None:
-                transport = self.shared = share(self.robot, transport, lambda: drives(self))
             inner = self._given if transport is None else open_driver(self.robot, transport)
             assert inner is not None
             self._autopilot, self.sight = autopilot_of(inner), sight_of(self.robot, inner)
@@ -269,12 +255,7 @@ class Session:
         """Lines that a terminal shows once."""
         warnings = () if self._autopilot is None else self._autopilot.warnings()
         words = (f"autopilot: {text}" for text in self.words())
-        return [*self.problems(), *warnings, *self._warnings(), *words, *self.refused()]
-
-    def refused(self) -> list[str]:
-        """What a ground station sent last that was not passed on, in words."""
-        refusal = "" if self.shared is None else self.shared.refusal
-        return [f"a ground station was refused: {refusal}"] if refusal else []
+        return [*self.problems(), *warnings, *self._warnings(), *words]
 
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""

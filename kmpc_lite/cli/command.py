@@ -24,7 +24,7 @@ ROBOT = (
     *("export", "onboard"),
 )
 """Commands of a robot, in the order in which the help shows them."""
-LAB = ("demo", "simulate", "report", "study", "bench", "emulate", "latency", "experiments")
+LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a desk, which the distribution kmpc-lab brings."""
 LAST = "completion"
 """Shown after all others of a robot."""

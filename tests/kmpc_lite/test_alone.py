@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from kmpc_lab import DifferentialDrive, generate_dataset
-from kmpc_lab.cli.latency_table import emulator, robot_text
+from kmpc_lab.cli.stage import emulator, robot_text
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("kmpc_lite", "firmware_bridge")

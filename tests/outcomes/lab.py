@@ -6,7 +6,6 @@ from kmpc_lab.sim.pedestrians import Pedestrians, Walks
 from kmpc_lab.studies.any_robot import Robot, random_robot
 from kmpc_lab.studies.any_robot import learn as learn_robot
 from kmpc_lab.studies.conditions import Condition
-from kmpc_lab.studies.faulty_loop import BrokenWorkspace, Switch
 from kmpc_lab.studies.jumps import Jumps
 from kmpc_lab.studies.real_robots import RealPlant, real_robot
 from kmpc_lab.studies.sight.worlds import course_of as sight_course
@@ -16,7 +15,6 @@ from kmpc_lite.scenario.touch import footprint_gaps
 from kmpc_lite.scenario.world import World, world_of
 
 __all__ = [
-    "BrokenWorkspace",
     "Condition",
     "Jumps",
     "Pedestrians",
@@ -24,7 +22,6 @@ __all__ = [
     "Robot",
     "Scenario",
     "SightOptions",
-    "Switch",
     "Walks",
     "World",
     "box_edges",

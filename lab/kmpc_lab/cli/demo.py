@@ -21,11 +21,10 @@ from firmware_bridge.robot_file import load_robot
 from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.sensors.lidar.options import LIDARS
-from kmpc_lab.cli.latency_table import SCENARIO, emulator, robot_text
 from kmpc_lab.cli.simulate import describe
 from kmpc_lab.cli.simulated_demo import COMMAND as SIMULATED
 from kmpc_lab.cli.simulated_demo import learn_log
-from kmpc_lab.cli.stage import Stage
+from kmpc_lab.cli.stage import SCENARIO, Stage, emulator, robot_text
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import is_installed, need, pip_line
 from kmpc_lite.cli.numbers import positive

@@ -6,7 +6,6 @@ import time
 from typing import TYPE_CHECKING, Any, Protocol
 
 from firmware_bridge.drivers.boards import load
-from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 
 if TYPE_CHECKING:
@@ -94,16 +93,6 @@ def build_emulator(
             around=around,
         )
         return rover
-    if robot.link.second is not None:
-        if twin is not None:
-            raise ConfigError(
-                "physics: expected a robot on one board, got a pair of boards (link.second)"
-            )
-        from kmpc_lab.emulator.pair import PairEmulator
-
-        pair = PairEmulator(kind, robot.driver_table(), robot.link.second, **floor)
-        pair.place(*start)
-        return pair
     emulator: BoardEmulator = kind.from_options(robot.driver_table(), **floor)
     if twin is not None:
         from kmpc_lab.emulator.twin import TwinBody

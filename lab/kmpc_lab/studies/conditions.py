@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lab.studies.contenders import EVERYTHING, STUDY_CONTENDERS, UNADAPTED, Contender
+from kmpc_lab.studies.contenders import EVERYTHING, STUDY_CONTENDERS, Contender
 from kmpc_lab.studies.training import DT, LAMBDAS, TRAINING_SEED, train
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.learn.calibration import with_quantiles
@@ -125,22 +125,6 @@ PLAIN = Condition()
 LAGGING = Condition("lag 0.3 s, dead time 0.15 s", 0.3, 0.15)
 NOISY_LAGGING = replace(LAGGING, name="lag, noisy poses", pose_noise=POSE_NOISE)
 OLD_LAGGING = replace(NOISY_LAGGING, name="lag, noisy poses 0.1 s old", pose_age=0.1)
-NOISY = Condition("noisy poses", pose_noise=POSE_NOISE)
-OLD = replace(NOISY, name="noisy poses 0.1 s old", pose_age=0.1)
-CHANGE = 1.0
-"""When the floor changes [s]."""
-SLIPPERY = Condition("slip to 0.2", floors=(Floor(CHANGE, 0.2),))
-TURNS_LESS = Condition("turn gain to 0.6", floors=(Floor(CHANGE, 0.0, 0.6),))
-BOTH_CHANGE = Condition("slip to 0.2, turn gain to 0.6", floors=(Floor(CHANGE, 0.2, 0.6),))
-NOISY_CHANGE = replace(BOTH_CHANGE, name="the same, noisy poses", pose_noise=POSE_NOISE)
-TURNING = tuple(
-    Condition(
-        f"turns about a point {1e3 * ahead:g} mm ahead, {1e3 * left:g} mm to the left",
-        turning_point=(ahead, left),
-    )
-    for ahead, left in ((0.02, 0.0), (0.05, 0.02), (-0.04, 0.0), (0.0, 0.03))
-)
-"""Markers, antennas and weights off the middle."""
 
 
 OURS, PAPERS = EVERYTHING.label, "K-NMPC, IPOPT"
@@ -165,27 +149,6 @@ STUDIES: Mapping[str, MapsStudy] = {
         "noisy and old poses",
         conditions=(LAGGING, NOISY_LAGGING, OLD_LAGGING),
         slips=(0.0, 0.1),
-    ),
-    "noise": MapsStudy(
-        "noisy poses, and old ones", conditions=(NOISY, OLD), slips=(0.0, 0.05, 0.1, 0.2)
-    ),
-    "turning": MapsStudy(
-        "robots that turn about a point centimetres from the one tracked, "
-        "driven with a model learned from their logs",
-        conditions=TURNING,
-        slips=(0.1,),
-    ),
-    "adaptation": MapsStudy(
-        "a floor that changes after a second",
-        (UNADAPTED.label, OURS),
-        (SLIPPERY, TURNS_LESS, BOTH_CHANGE, NOISY_CHANGE),
-        slips=(0.0,),
-    ),
-    "mismatch": MapsStudy(
-        "models learned at another slip than the one driven at",
-        (UNADAPTED.label, OURS),
-        slips=(0.15, 0.2),
-        trained_at=0.1,
     ),
 }
 

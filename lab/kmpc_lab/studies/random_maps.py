@@ -19,7 +19,6 @@ from kmpc_lab.sim.closed_loop import Outcome, Run, Steps, drive
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies.conditions import PLAIN, Condition, MapLesson
 from kmpc_lab.studies.failures import Driven, check_folder, failed, write_failures
-from kmpc_lab.studies.floor_watch import FloorWatch
 from kmpc_lab.studies.records import Job, Record, Work
 from kmpc_lab.studies.tables import Key, drive_key
 from kmpc_lab.studies.training import DT, LAMBDAS, REPORTING_SEED, TRAINING, Teacher
@@ -115,10 +114,8 @@ def drive_maps(
     for seed in seeds:
         scenario = condition.apply(random_map(family, seed, slip))
         controller = spec.build(model, scenario)
-        watch = FloorWatch(controller, scenario, DT) if condition.floors else None
-        run = drive(watch or controller, scenario, dt=DT, settle=SETTLE)
-        record = measure(run, family, spec.label, trained_at, condition)
-        records.append(record if watch is None else {**record, "error_ratio": watch.error_ratio()})
+        run = drive(controller, scenario, dt=DT, settle=SETTLE)
+        records.append(measure(run, family, spec.label, trained_at, condition))
     return records
 
 

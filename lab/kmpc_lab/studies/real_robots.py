@@ -18,7 +18,6 @@ from typing import Literal
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot
-from kmpc_lab.studies.learning import load_drives
 from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.robot_drives import RobotDrive, course_of, judge
 from kmpc_lite.control import Controller
@@ -37,6 +36,18 @@ from kmpc_lite.types import Array
 
 Lags = Literal["auto"] | tuple[int, ...] | None
 """As `fit` takes them."""
+FEWEST = 20
+"""A log of fewer drives is cut into pieces: halves of a few drives say little."""
+PIECE = 5.0
+"""Length of such a piece [s]."""
+
+
+def load_drives(log: Path, dt: float) -> Dataset:
+    """Read a log at a period [s]; one that holds few long drives is cut into pieces of 5 s."""
+    data = Dataset.load(log, dt=dt)
+    return data if len(data) >= FEWEST else data.windows(PIECE)
+
+
 SPLIT_SEED = 7200
 """Of the halves of a log."""
 WINDOW = 1.0

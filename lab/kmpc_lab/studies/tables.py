@@ -70,9 +70,6 @@ class Row:
     pose_s: float | None
     clearance_m: float | None
     """Smallest over all drives."""
-    error_ratio: tuple[float, float] | None
-    """Median and 95 % quantile of the prediction error after a change of floor, to a fresh
-    fit's."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values with intervals, for JSON."""
@@ -108,7 +105,6 @@ def _row(
         values = [r[key] for r in untouched if r[key] is not None]
         return float(np.mean(values)) if values else None
 
-    ratios = [r["error_ratio"] for r in records if r.get("error_ratio") is not None]
     return Row(
         controller,
         condition,
@@ -121,7 +117,6 @@ def _row(
         mean("position_s"),
         mean("pose_s"),
         min((r["clearance_m"] for r in records if r["clearance_m"] is not None), default=None),
-        (float(np.median(ratios)), float(np.quantile(ratios, 0.95))) if ratios else None,
     )
 
 
@@ -164,12 +159,10 @@ def format_maps(rows: Sequence[Row]) -> str:
     widest = max(len(row.controller) for row in rows)
     conditions = max(len(row.condition) for row in rows)
     under = f"{'condition':<{max(conditions, 9)}}  " if conditions else ""
-    ratios = any(row.error_ratio for row in rows)
     lines = [
         f"{'controller':<{max(widest, 10)}}  {under}{'maps':<9}{'lambda':>7}{'drives':>8}  "
         f"{'collisions':<22}{'within 5 cm':<23}"
         f"{'and 0.15 rad':<23}{'s to 5 cm':>10}{'s to pose':>10}{'least gap':>11}"
-        + ("  error to a fresh fit's (median, 95 %)" if ratios else "")
     ]
     for row in rows:
         gap = "-" if row.clearance_m is None else f"{1e3 * row.clearance_m:.0f} mm"
@@ -179,15 +172,10 @@ def format_maps(rows: Sequence[Row]) -> str:
             f"{100 * wilson(row.collisions, row.drives)[1]:.1f}] %"
         )
         condition = f"{row.condition or '-':<{max(conditions, 9)}}  " if conditions else ""
-        errors = (
-            ""
-            if row.error_ratio is None
-            else f"  {row.error_ratio[0]:.2f}, {row.error_ratio[1]:.2f}"
-        )
         lines.append(
             f"{row.controller:<{max(widest, 10)}}  "
             f"{condition}{row.family:<9}{slip:>7}{row.drives:>8}  {collisions:<22}"
             f"{share(row.at_position, row.drives):<23}{share(row.at_pose, row.drives):<23}"
-            f"{seconds(row.position_s):>10}{seconds(row.pose_s):>10}{gap:>11}{errors}"
+            f"{seconds(row.position_s):>10}{seconds(row.pose_s):>10}{gap:>11}"
         )
     return "\n".join(lines)

@@ -7,7 +7,6 @@ import pytest
 from boards import DRIVERS, EMULATORS, Spy
 from waiting import until
 
-from firmware_bridge.drivers.pair import PairDriver
 from firmware_bridge.drivers.vesc import SET_SERVO_POS
 from firmware_bridge.link import open_transport
 from firmware_bridge.link.framing import VescPackets
@@ -15,7 +14,6 @@ from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
 from kmpc_lab.emulator.build import build_emulator
-from kmpc_lab.emulator.pair import PairEmulator
 
 SIZES = {"wheel_radius": 0.05, "max_wheel_speed": 1.0}
 CAR = {**SIZES, "wheelbase": 0.26, "steering_angle": 0.5}
@@ -28,18 +26,12 @@ ROBOTS = {
     "arduino car": ("arduino", "car", CAR, COUNTS),
     "arduino mecanum": ("arduino", "omni", MECANUM, COUNTS),
     "arduino three": ("arduino", "omni", {**SIZES, "arm": 0.15}, COUNTS),
-    "roboclaw pair": ("roboclaw", "omni", MECANUM, COUNTS),
-    "odrive pair": ("odrive", "omni", MECANUM, SLOW),
-    "roboteq pair": ("roboteq", "omni", MECANUM, COUNTS),
-    "vesc pair": ("vesc", "omni", MECANUM, {"pole_pairs": 7, "can_id": 5}),
 }
 
 
 def sections(name):
     driver, kind, geometry, board = ROBOTS[name]
     link = {"url": "pty:link", "driver": driver}
-    if name.endswith("pair"):
-        link["second"] = "pty:second"
     return {
         "link": link,
         "robot": {"wheels": kind},
@@ -146,26 +138,9 @@ def loopback(tmp_path):
     return f"pty:{tmp_path}/link"
 
 
-def test_a_fault_of_one_board_of_a_pair_is_reported_and_a_silent_one_fails_to_connect(robot):
-    driver, emulator = robot("roboclaw pair")
-    assert isinstance(driver, PairDriver) and isinstance(emulator, PairEmulator)
-    emulator.boards[1].status = 0x0001
-    assert until(lambda: "rear: emergency stop" in driver.health().faults)
-    assert not driver.health().ready
-    emulator.boards[1].mute = True
-    assert until(lambda: not driver.health().connected or not driver.health().ready)
-    told = load_robot(None, {**sections("roboclaw pair")})
-    driver.close()
-    other = open_driver(told, open_transport("pty:link"))
-    with pytest.raises(LinkError, match="RoboClaw"):
-        other.connect(0.5)
-
-
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
-        ("roboclaw pair", {"link": {"second": None}}, "link.second: missing"),
-        ("arduino mecanum", {"link": {"second": "pty:b"}}, "link.second: only an omni's four"),
         ("vesc car", {"board": {"can_id": 3}}, "board.can_id: a car has one motor"),
         ("vesc car", {"geometry": {"wheelbase": None}}, "robot.wheels.turning_radius: missing"),
         ("arduino mecanum", {"geometry": {"track": None}}, "expected track and wheelbase of mec"),

@@ -131,14 +131,11 @@ def test_where_the_lab_is_not_installed_its_commands_say_so(
 
 
 def test_the_tables_of_names_are_those_of_the_sources() -> None:
-    from kmpc_lab.cli import experiments
-    from kmpc_lab.experiments import study
     from kmpc_lab.sim.maps.families import FAMILIES
     from kmpc_lab.studies.conditions import STUDIES as CATALOGUE
 
     assert list(maps.FAMILIES) == list(FAMILIES)
     assert set(maps.STUDIES) == set(CATALOGUE)
-    assert list(experiments.EXPERIMENTS) == list(study.EXPERIMENTS)
 
 
 def test_every_extra_that_is_reported_is_one_of_its_project() -> None:
@@ -173,7 +170,6 @@ def test_an_extra_exists_only_where_code_uses_it(
         ("xyz", "choose from inspect, fit, init"),
         ("study maps --familis open", "--familis open; did you mean '--families'?"),
         ("run --driver mavlik", "did you mean 'mavlink'?"),
-        ("experiments modell", "did you mean 'model'?"),
     ],
 )
 def test_a_near_miss_is_suggested(

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from nominal_logs import nominal_log, open_loop_errors
 
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lab.studies.learning import nominal_log, open_loop_errors
 from kmpc_lite.learn.cross_validation import (
     Candidate,
     assign_folds,

@@ -10,7 +10,7 @@ import numpy as np
 
 import kmpc_lite as kl
 from outcomes import models
-from outcomes.lab import BrokenWorkspace, Switch
+from outcomes.broken_solver import BrokenWorkspace, Switch
 from outcomes.plant import Body
 from outcomes.rows.build import LAGS, Table, bundled, on_map
 from outcomes.setup import Setup

@@ -6,7 +6,7 @@ from kmpc_lab.cli.study import clutter, limits, maps, robots, surprises
 from kmpc_lite.cli.command import Command
 
 COMMAND = Command(
-    text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
+    text="Reproduce the paper's table 1 beside ours, or drive random maps and robots.\n"
     "Each study has a --help of its own.",
     examples=(
         "kmpc study table1 --trials 100 --json > table1.json",
@@ -16,9 +16,7 @@ COMMAND = Command(
     commands={
         **maps.COMMANDS,
         **robots.COMMANDS,
-        "faults": maps.FAULTS,
         **surprises.COMMANDS,
-        "learning": robots.LEARNING,
         "real": robots.REAL,
         "parking": robots.PARKING,
         "sight": surprises.SIGHT,

@@ -18,18 +18,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--drives", type=count, default=40, metavar="N", help="fields of each row (default: 40)")
     add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
-    add("--curve", action="store_true", help="instead: speed against reach, on an empty floor")
     add_tuning(parser)
 
 
 def run(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
     """Drive the fields; it must not happen that a circle is touched."""
-    from kmpc_lab.studies import accelerations, reach_curve
+    from kmpc_lab.studies import accelerations
 
     names, first = chosen(accelerations.ROBOTS, options.only), first_seed(options)
-    if options.curve:
-        points = reach_curve.study(work, names)
-        return list(map(asdict, points)), reach_curve.format_points(points), False
     rows = accelerations.study(work, names, range(first, first + options.drives))
     bad = any(row.collided for row in rows)
     return list(map(asdict, rows)), accelerations.format_rows(rows), bad
@@ -42,5 +38,5 @@ LIMITS = study(
     "with these accelerations, shares of statuses, and the change of commands.",
     add_options,
     run,
-    ("kmpc study limits --drives 5", "kmpc study limits --curve --only '3 m/s'"),
+    ("kmpc study limits --drives 5", "kmpc study limits --only '3 m/s'"),
 )

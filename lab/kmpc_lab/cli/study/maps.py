@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,10 +32,6 @@ FAMILIES = {
 STUDIES = {
     "maps": "Random maps by families and slips, driven by IPOPT and by ours.",
     "lag": "Robots whose motors lag, with models of their logs; exact, noisy and old poses.",
-    "noise": "Noisy poses, and old ones.",
-    "turning": "Robots that turn about a point centimetres from the one that is tracked.",
-    "adaptation": "A floor that changes after a second, with and without adaptation.",
-    "mismatch": "Models learned at another slip than the one that is driven at.",
 }
 """Studies over random maps; `kmpc_lab.studies.conditions` says what each drives."""
 
@@ -79,22 +74,6 @@ def _build(specs: Sequence[Contender], scenario: Scenario) -> None:
         spec.build(kl.nominal_unicycle(DT), scenario)
 
 
-def add_fault_options(parser: argparse.ArgumentParser) -> None:
-    """Add what `run_faults` reads."""
-    add = parser.add_argument
-    add("--maps", type=count, default=100, metavar="N", help="number of maps (default: 100)")
-    add_slips(parser)
-
-
-def run_faults(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
-    """Drive with forced failures."""
-    from kmpc_lab.studies.faults import SLIPS, faults_study, format_faults
-
-    slips = tuple(options.slips or SLIPS)
-    rows = faults_study(work, options.maps, slips, first_seed=first_seed(options))
-    return [asdict(row) for row in rows], format_faults(rows), any(row.bad for row in rows)
-
-
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
@@ -118,7 +97,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--trained-at",
         type=float,
         metavar="SLIP",
-        help="slip at which models are learned (default: the one driven at; mismatch: 0.1)",
+        help="slip at which models are learned (default: the one driven at)",
     )
     add("--failures", type=Path, metavar="DIR", help="scenario files of drives that failed")
     add_slips(parser)
@@ -182,10 +161,3 @@ COMMANDS = {
         for name, text in STUDIES.items()
     },
 }
-FAULTS = study(
-    "faults",
-    "Drives in which the solver, the clock, the warm start and the poses fail.",
-    add_fault_options,
-    run_faults,
-    ("kmpc study faults --maps 10",),
-)

@@ -1,19 +1,16 @@
-"""`kmpc study` of robots: without tuning, made from a real log, and what learning is worth."""
+"""`kmpc study` of robots: without tuning, cars that park, made from a real log."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kmpc_lab.cli.study.command import chosen, study
-from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
-from kmpc_lite.cli.progress import ProgressBar
 
 if TYPE_CHECKING:
     from kmpc_lab.studies.records import Work
@@ -121,41 +118,6 @@ def run_real(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
     return told, text, False
 
 
-def add_learning_options(parser: argparse.ArgumentParser) -> None:
-    """Add what `run_learning` reads."""
-    add = parser.add_argument
-    add("log", type=Path, nargs="*", help="logs of real robots, ten splits each")
-    add("--robots", type=count, default=200, help="number of nominal robots (default: 200)")
-    add("--lagging", type=count, default=10, help="number of lagging robots (default: 10)")
-
-
-def run_learning(options: argparse.Namespace) -> int:
-    """Fit, judge on what nothing was fitted to, print the shares of the nominal robot's errors."""
-    from kmpc_lab.studies.learning import (
-        format_harm,
-        format_ratios,
-        study_lagging,
-        study_log,
-        study_nominal,
-    )
-
-    told, texts = {}, []
-    for log in options.log:
-        rows, noise = study_log(log, ProgressBar(log.stem, quiet=options.json))
-        told[log.stem] = {"splits": [r.as_dict() for r in rows], "noise": noise.as_dict()}
-        texts += [format_ratios(log.stem, rows), f"{log.stem}: {noise}"]
-    lagging = study_lagging(ProgressBar("lagging robots", quiet=options.json), options.lagging)
-    nominal = study_nominal(ProgressBar("nominal robots", quiet=options.json), options.robots)
-    texts += [
-        format_ratios("lagging robots, by the true pose", lagging),
-        format_harm(nominal),
-    ]
-    told["lagging"] = {"robots": [r.as_dict() for r in lagging]}
-    told["nominal"] = {"robots": [r.as_dict() for r in nominal]}
-    print(json.dumps(told) if options.json else "\n".join(texts))
-    return 0
-
-
 COMMANDS = {
     name: study(name, text, add_options, partial(run, name=name)) for name, text in STUDIES.items()
 }
@@ -178,11 +140,4 @@ REAL = study(
         "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1",
         "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --models auto --maps 20",
     ),
-)
-LEARNING = Command(
-    text="Errors of the default fit after 1 s as shares of the nominal robot's, on driving that "
-    "nothing was fitted to.",
-    examples=("kmpc study learning husky.csv warthog.csv",),
-    add_options=add_learning_options,
-    run=run_learning,
 )

@@ -1,1 +1,0 @@
-"""Floods against a running bridge, and what they cost: gate, standstill, emergency stop."""
