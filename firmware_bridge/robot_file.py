@@ -155,8 +155,6 @@ class Robot:
                     "or leave it out"
                 )
             board = {**board, "pose": "mocap"}
-        if self.lidar is not None and self.lidar.driver == "mavlink":
-            board = {**board, "sectors": True}
         entry = BOARDS.get(self.link.driver)
         if entry is not None and not entry.encoders and self.link.pose is None:
             raise ConfigError(
@@ -257,7 +255,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         control,
         _origin(sections.get("frame", {})),
         None if socket is None else Path(socket),
-        _lidar(sections.get("lidar", {}), link),
+        _lidar(sections.get("lidar", {})),
         sections,
         vehicle.name,
         vehicle.footprint,
@@ -265,18 +263,12 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
     )
 
 
-def _lidar(table: Mapping[str, Any], link: LinkOptions) -> LidarOptions | None:
+def _lidar(table: Mapping[str, Any]) -> LidarOptions | None:
     if not table:
         return None
     if "driver" not in table:
         raise ConfigError("lidar.driver: missing: give --lidar NAME")
-    lidar = LidarOptions.from_table(table)
-    if lidar.driver == "mavlink" and link.driver != "mavlink":
-        raise ConfigError(
-            "lidar.driver: mavlink: only an autopilot tells of its sensors, and link.driver is "
-            f"{link.driver}"
-        )
-    return lidar
+    return LidarOptions.from_table(table)
 
 
 def _origin(frame: Mapping[str, Any]) -> tuple[float, float, float] | None:

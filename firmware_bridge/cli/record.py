@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--output",
         required=True,
         metavar="NAME",
-        help="record to NAME.csv and NAME.tlog or NAME.raw",
+        help="record to NAME.csv, and of an autopilot to NAME.tlog",
     )
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument(

@@ -5,12 +5,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from firmware_bridge.messages import LinkStatus, State
-
-if TYPE_CHECKING:
-    from firmware_bridge.sensors.lidar.lidar import Lidar
 
 
 class Driver(Protocol):
@@ -54,9 +51,6 @@ class Autopilot(Driver, Protocol):
 
     `firmware_bridge.sensors.sensor_driver.autopilot_of` finds it beneath sensors.
     """
-
-    sectors: Lidar | None
-    """Its own distance sensors, where they were asked for."""
 
     def take(self) -> None:
         """Ask for control, again where it was lost or given back."""

@@ -1,9 +1,7 @@
-"""The bytes of a link, both ways: recorded between driver and transport, read, and played back.
+"""The frames of an autopilot's link, both ways: recorded between driver and transport, and read.
 
-MAVLink links make a tlog (before each frame its time, big-endian uint64 microseconds since 1970),
-which MAVProxy, QGroundControl and mavlogdump read. Other links make a raw log: after a magic line,
-records of monotonic microseconds (uint64), direction (0 in, 1 out), length (uint16) and bytes,
-big-endian.
+They make a tlog (before each frame its time, big-endian uint64 microseconds since 1970), which
+MAVProxy, QGroundControl and mavlogdump read.
 """
 
 from __future__ import annotations
@@ -19,12 +17,9 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.recording.durable import DurableFile
 from kmpc_lite.reading import read_bytes
 
-RAW_MAGIC = b"kmpc-bridge raw log 1\n"
-RAW_RECORD = struct.Struct(">QBH")
 TLOG_STAMP = struct.Struct(">Q")
 MAX_BYTES, MAX_RECORDS = 2**28, 2**22
 """Of the longest log that is read: it is held in memory."""
-LONGEST, LONGEST_PAUSE = 0xFFFF, 5.0
 V1, V2, SIGNED = 0xFE, 0xFD, 1
 """First bytes of MAVLink frames, and the flag of a signed one."""
 
@@ -89,11 +84,6 @@ class RecordedTransport:
         self._transport.close()
 
 
-def raw_log(path: Path) -> DurableFile[Chunk]:
-    """Start a raw log in a new file."""
-    return DurableFile(path, _encode_raw, RAW_MAGIC)
-
-
 def tlog(path: Path) -> DurableFile[Chunk]:
     """Start a tlog in a new file; whole frames only, noise on the line is left out."""
     from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
@@ -116,31 +106,21 @@ def tlog(path: Path) -> DurableFile[Chunk]:
     return DurableFile(path, encode)
 
 
-def _encode_raw(chunks: Iterable[Chunk]) -> list[bytes]:
-    return [
-        RAW_RECORD.pack(int(chunk.time * 1e6), not chunk.incoming, len(piece)) + piece
-        for chunk in chunks
-        for piece in (chunk.data[i : i + LONGEST] for i in range(0, len(chunk.data), LONGEST))
-    ]
-
-
 def read_link_log(path: Path) -> Iterator[Chunk]:
-    """Read a tlog or a raw log; a record that a power cut tore off the end is left out.
+    """Read a tlog; a record that a power cut tore off the end is left out.
 
     Raises
     ------
     ConfigError
-        For a file that is missing, too long, or neither.
+        For a file that is missing, too long, or none.
     """
     try:
         content = read_bytes(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror or error}") from error
-    if content.startswith(RAW_MAGIC):
-        return _at_most(MAX_RECORDS, _read_raw(content), path)
     if len(content) > TLOG_STAMP.size and content[TLOG_STAMP.size] in (V1, V2):
         return _at_most(MAX_RECORDS, _read_tlog(content, path), path)
-    raise ConfigError(f"{path}: neither a tlog nor a raw log of kmpc")
+    raise ConfigError(f"{path}: expected a tlog")
 
 
 def _at_most(most: int, chunks: Iterator[Chunk], path: Path) -> Iterator[Chunk]:
@@ -148,17 +128,6 @@ def _at_most(most: int, chunks: Iterator[Chunk], path: Path) -> Iterator[Chunk]:
         if number >= most:
             raise ConfigError(f"{path}: more than {most:,} records: cut the log")
         yield chunk
-
-
-def _read_raw(content: bytes) -> Iterator[Chunk]:
-    at = len(RAW_MAGIC)
-    while at + RAW_RECORD.size <= len(content):
-        stamp, direction, length = RAW_RECORD.unpack_from(content, at)
-        at += RAW_RECORD.size
-        if at + length > len(content):
-            return
-        yield Chunk(stamp * 1e-6, direction == 0, content[at : at + length])
-        at += length
 
 
 def _read_tlog(content: bytes, path: Path) -> Iterator[Chunk]:
@@ -176,20 +145,3 @@ def _read_tlog(content: bytes, path: Path) -> Iterator[Chunk]:
         if at > len(content):
             return
         yield Chunk(stamp * 1e-6, None, content[start:at])
-
-
-def play(
-    chunks: Iterable[Chunk],
-    speed: float,
-    clock: Callable[[], float],
-    sleep: Callable[[float], None],
-) -> Iterator[Chunk]:
-    """Give chunks at `speed` times the recorded pace; pauses of the log are cut to 5 s."""
-    due, last = clock(), None
-    for chunk in chunks:
-        due += 0.0 if last is None else min(max(0.0, chunk.time - last), LONGEST_PAUSE) / speed
-        last = chunk.time
-        wait = due - clock()
-        if wait > 0.0:
-            sleep(wait)
-        yield chunk

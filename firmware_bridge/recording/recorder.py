@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections import deque
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -215,16 +214,3 @@ def _finite(state: State) -> bool:
 def csv_row(row: Iterable[float]) -> bytes:
     """Render one row."""
     return (",".join(f"{value:.6f}" for value in row) + "\n").encode()
-
-
-def torn_bytes(path: Path, mend: bool = False) -> int:
-    """Bytes behind the last whole row of a torn CSV; with `mend` they are cut off."""
-    with open(path, "rb+" if mend else "rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        tail = min(size, 4096)
-        file.seek(size - tail)
-        # a torn page may also hold zeros
-        keep = size - tail + file.read().rstrip(b"\0").rfind(b"\n") + 1
-        if mend:
-            file.truncate(keep)
-    return size - keep

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from firmware_bridge.link import Transport
 from firmware_bridge.recording.durable import DurableFile
-from firmware_bridge.recording.link_log import Chunk, RecordedTransport, raw_log, tlog
+from firmware_bridge.recording.link_log import Chunk, RecordedTransport, tlog
 from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.observer import Observer
@@ -36,7 +36,7 @@ class Recorder(Observer, Protocol):
 
 
 class DriveLogs:
-    """A CSV, what goes over the link, and what another recorder writes.
+    """A CSV, what goes over an autopilot's link, and what another recorder writes.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ class DriveLogs:
         self._csv = CsvRecorder(named(".csv"), period, by_hand, robot.vehicle, robot.wheels)
         if record is not None:
             self._recorder = record(self._output)
-        if transport is None:
-            return None
-        self._link = tlog(named(".tlog")) if robot.is_autopilot else raw_log(named(".raw"))
+        if transport is None or not robot.is_autopilot:
+            return transport
+        self._link = tlog(named(".tlog"))
         return RecordedTransport(transport, self._link.put)
 
     @property

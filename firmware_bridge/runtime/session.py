@@ -88,7 +88,7 @@ class Session:
     origin : tuple
         Pose of the vehicle's frame in ours, where the robot file has none.
     output : Path, optional
-        Record to this name with .csv and .tlog or .raw put behind.
+        Record to this name with .csv, and of an autopilot .tlog, put behind.
     by_hand : bool
         Nothing is sent, the gate stays idle: a pilot drives.
     out : text stream, optional

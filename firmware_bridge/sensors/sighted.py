@@ -12,15 +12,13 @@ from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.lidar import Lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.scan import FrozenScan, Sweep
-from firmware_bridge.sensors.sensor_driver import SensorDriver, autopilot_of
+from firmware_bridge.sensors.sensor_driver import SensorDriver
 from firmware_bridge.sensors.sight import Sight
 
 
 def with_lidar(driver: Driver, options: LidarOptions) -> SightedDriver:
-    """Give a driver the lidar of a robot file, on a link of its own or the driver's."""
-    autopilot = autopilot_of(driver)
-    own = None if autopilot is None else autopilot.sectors
-    return SightedDriver(driver, own or open_lidar(options), options)
+    """Give a driver the lidar of a robot file, on a link of its own."""
+    return SightedDriver(driver, open_lidar(options), options)
 
 
 class SightedDriver(SensorDriver):

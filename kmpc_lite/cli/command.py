@@ -21,13 +21,11 @@ from kmpc_lite.errors import KmpcError, did_you_mean
 ENTRY_POINTS = "kmpc.commands"
 ROBOT = (
     *("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "signing", "ros2"),
-    *("export", "onboard"),
+    "export",
 )
 """Commands of a robot, in the order in which the help shows them."""
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a desk, which the distribution kmpc-lab brings."""
-LAST = "completion"
-"""Shown after all others of a robot."""
 
 
 PROGRAM, SHARED = "kmpc", ("help", "json")
@@ -184,8 +182,8 @@ class Parser(argparse.ArgumentParser):
 def known_commands() -> dict[str, str]:
     """Names of all commands that are installed, and where they stand as ``module:name``."""
     found = {point.name: point.value for point in metadata.entry_points(group=ENTRY_POINTS)}
-    others = (name for name in found if name not in {*LAB, LAST})
-    names = dict.fromkeys((*ROBOT, *others, LAST, *LAB))
+    others = (name for name in found if name not in LAB)
+    names = dict.fromkeys((*ROBOT, *others, *LAB))
     return {name: found[name] for name in names if name in found}
 
 

@@ -19,7 +19,6 @@ EXTRAS = {
     "pymavlink": BRIDGE,
     "pyulog": LOGS,
     "rosbags": LOGS,
-    "shtab": "kmpc-lite[completion]",
     "zenoh": "kmpc-lite[ros2]",
 }
 """Distribution and extra of it that bring a module."""

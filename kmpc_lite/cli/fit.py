@@ -173,7 +173,7 @@ def shortly(learned: Learned, told: list[str]) -> list[str]:
     lines += [tell_response(learned.facts)] if learned.facts else []
     lines += [f"margins: {tell_margins(learned)}"]
     lines += [f"log    {line}" for line in told if any(word in line for word in TO_MEND)]
-    return lines + [f"note   {line}" for line in learned.facts.get("told", ())]
+    return lines
 
 
 def describe(learned: Learned, told: list[str]) -> list[str]:

@@ -15,8 +15,6 @@ from kmpc_lite.reading import read_bytes
 POSE = ("X", "Y", "THETA")
 COLUMNS = ["x", "y", "theta"]
 DEGREES = "deg"
-PLAN = ".plan"
-"""Ending of QGroundControl's missions."""
 LARGEST_ROUTE = 2**20
 """Longest route file that is read [bytes]."""
 FEWEST_OF_LOOP = 2
@@ -97,15 +95,7 @@ def add_goal_options(add: Callable[..., object], without: str) -> None:
         "--route",
         type=Path,
         metavar="FILE",
-        help="the goals, one after the other: a CSV with columns x, y, theta, or a .plan of "
-        "QGroundControl",
-    )
-    add(
-        "--home",
-        nargs=2,
-        type=float,
-        metavar=("LAT", "LON"),
-        help="where the frame's origin lies, for a .plan [degrees] (default: the plan's home)",
+        help="the goals, one after the other: a CSV with columns x, y, theta",
     )
     add("--loop", action="store_true", help="begin anew after the last goal, until time is up")
 
@@ -122,35 +112,21 @@ def goals_of(options: argparse.Namespace) -> list[tuple[float, float, float]]:
     goals, route = given.get("goal") or [], given.get("route")
     if goals and route is not None:
         raise ScenarioError(f"--route {route}: the goals are given already by --goal")
-    if given.get("home") and (route is None or route.suffix.lower() != PLAN):
-        raise ScenarioError("--home: only the waypoints of a --route FILE.plan need it")
     if route is not None:
-        goals = read_route(route, given.get("home"))
+        goals = read_route(route)
     if goals and given.get("loop") and len(goals) < FEWEST_OF_LOOP:
         raise ScenarioError("--loop: expected at least 2 goals to drive to in turn, got 1")
     return goals
 
 
-def read_route(
-    path: Path, home: tuple[float, float] | None = None
-) -> list[tuple[float, float, float]]:
-    """Read the goals of a CSV file with the columns x, y, theta, or of a QGroundControl plan.
-
-    `home` is where the frame's origin lies, for a plan [degrees].
+def read_route(path: Path) -> list[tuple[float, float, float]]:
+    """Read the goals of a CSV file with the columns x, y, theta.
 
     Raises
     ------
     ScenarioError
         Names the file and the line.
     """
-    if path.suffix.lower() == PLAN:
-        from kmpc_lite.scenario.mission import check_place, read_mission
-
-        try:
-            place = None if home is None else check_place(*home)
-        except ValueError as error:
-            raise ScenarioError(f"--home: {error}") from None
-        return read_mission(path, place)
     try:
         rows = csv.reader(read_bytes(path, LARGEST_ROUTE).decode("utf-8-sig").splitlines())
         table = [(number, row) for number, row in enumerate(rows, 1) if any(map(str.strip, row))]

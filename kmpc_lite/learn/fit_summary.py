@@ -10,9 +10,7 @@ import numpy as np
 
 from kmpc_lite.learn.coverage import WORDS, find_coverage
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.evaluation import FitReport
-from kmpc_lite.learn.input_columns import tell_inputs
 from kmpc_lite.learn.responses import Response
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.dictionary.terms import evaluate_terms
@@ -151,9 +149,7 @@ def summarize_fit(
         "turning_centre": [float(-turned[1] / gain), float(turned[0] / gain)],
         "heading_offset": float(np.arctan2(rows[1, 0], rows[0, 0])),
         "braking_distance": float(abs(straight[0]) * speed.delay),
-        "inputs": tell_inputs(train, speed.delay),
         "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
-        "told": diagnose(train, speed, turn, gears=straight[0] != -back[0]),
         "missing": [part.name for part in shown.missing],
         "warnings": shown.warnings(),
     }
@@ -197,7 +193,5 @@ def format_summary(facts: Mapping[str, Any]) -> str:
         f"point  the pose is tracked {1e3 * -centre[0]:+.0f} mm ahead and "
         f"{1e3 * -centre[1]:+.0f} mm left of the turning centre; "
         f"heading offset {offset:+.1f} degrees",
-        f"inputs {facts['inputs']}",
     ]
-    lines += [f"note   {line}" for line in facts["told"]]
     return "\n".join(lines + [f"warn   {line}" for line in facts["warnings"]])

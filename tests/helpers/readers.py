@@ -31,9 +31,8 @@ import kmpc_lab
 import kmpc_lite as kl
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.messages import BridgeError
-from firmware_bridge.recording.link_log import RAW_MAGIC, RAW_RECORD, TLOG_STAMP, read_link_log
-from firmware_bridge.recording.recorder import HEADER
-from firmware_bridge.recording.replay import decode_tlog, inspect_csv
+from firmware_bridge.recording.link_log import TLOG_STAMP, read_link_log
+from firmware_bridge.recording.replay import decode_tlog
 from firmware_bridge.robot_file import load_robot
 from kmpc_lab import Run, drive
 from kmpc_lab.recording.drive_file import load_drive
@@ -141,7 +140,7 @@ def _robot(path: Path) -> None:
 
 def _link_log(path: Path) -> None:
     chunks = list(read_link_log(path))
-    if chunks and chunks[0].incoming is None:
+    if chunks:
         decode_tlog(chunks, 1)
 
 
@@ -241,7 +240,6 @@ def make_readers(folder: Path) -> dict[str, Reader]:
     made = {name: (folder / f"{name}.npz").read_bytes() for name in ("log", "model", "run")}
     pixels = bytes(range(0, 250, 2))[:120]
     plain = " ".join(map(str, pixels)).encode()
-    rows = b"".join(b"0.1,0.2,0.3,0.4,0.5,0.6\n" for _ in range(5))
     return {
         **_foreign(folder),
         "csv": Reader({"log.csv": CSV.encode()}, _log),
@@ -264,12 +262,6 @@ def make_readers(folder: Path) -> dict[str, Reader]:
         ),
         "robot": Reader({"robot.toml": ROBOT.encode()}, _robot),
         "tlog": Reader({"drive.tlog": _tlog()}, _link_log),
-        "raw log": Reader(
-            {"drive.raw": RAW_MAGIC + 9 * (RAW_RECORD.pack(10**6, 0, 3) + b"abc")}, _link_log
-        ),
-        "recorded csv": Reader(
-            {"drive.csv": HEADER + rows}, lambda path: inspect_csv(path, mend=False)
-        ),
         "records": Reader({"records.jsonl": 3 * b'{"seed": 1, "time": 2.5}\n'}, _records),
         "key": Reader({"signing.key": 32 * b"ab" + b"\n"}, _key),
     }

@@ -184,7 +184,6 @@ CORPUS: dict[str, dict[str, Make]] = {
         "a message of 5,000 digits": mcap(message("/command", b'{"v":' + 5000 * b"9" + b"}")),
     },
     "replay drive.tlog": {**ANY, "no end": endless},
-    "replay drive.csv": {**ANY, "no end": endless},
 }
 CASES = [(command, name) for command, makes in CORPUS.items() for name in makes]
 

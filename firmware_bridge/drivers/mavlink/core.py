@@ -51,8 +51,6 @@ class MavlinkCore:
         Takes one whole frame.
     wall_time : float
         Unix time for signature time stamps [s].
-    around : callable, optional
-        Is given every message, and takes those that tell of obstacles.
     """
 
     def __init__(
@@ -60,11 +58,10 @@ class MavlinkCore:
         options: MavlinkOptions,
         write: Callable[[bytes], object],
         wall_time: float,
-        around: Callable[[Any, float], None] = lambda message, now: None,
     ) -> None:
-        self.options, self._write, self._around = options, write, around
+        self.options, self._write = options, write
         key, self._vehicle = options.read_key(), (options.system, options.component)
-        wanted = worth_decoding(*self._vehicle, options.sectors)
+        wanted = worth_decoding(*self._vehicle)
         self.codec = MavlinkCodec(*options.us, key=key, wall_time=wall_time, wanted=wanted)
         self._build = MessageBuilder(options)
         self.clock, self.pose = VehicleClock(), PoseTracker()
@@ -74,7 +71,7 @@ class MavlinkCore:
             )
         )
         self.authority = Authority(self.desk)
-        self.streams = StreamRequests(self.desk, wanted_streams(options.rate, options.sectors))
+        self.streams = StreamRequests(self.desk, wanted_streams(options.rate))
         self.failsafe = GcsFailsafe(
             lambda name: self._send(self._build.parameter_read(name)),
             lambda name, value, kind: self._send(self._build.parameter_set(name, value, kind)),
@@ -112,7 +109,6 @@ class MavlinkCore:
             spoke = spoke or ours
             with lock:
                 (self._on_message if ours else self.others.saw)(message, now)
-                self._around(message, now)
         return spoke
 
     def _on_message(self, message: Any, now: float) -> None:

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
@@ -19,21 +19,11 @@ from firmware_bridge.drivers.mavlink.signing import SigningStamp
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 
-if TYPE_CHECKING:
-    from firmware_bridge.drivers.mavlink.sectors import Sectors
-
 TICK = 0.047
 """Period of the driver's thread [s]: no multiple of an autopilot's loop period, or all TIMESYNC
 requests would wait equally long in that loop."""
 FAREWELL = 1.0
 """How long `close` waits for HOLD to be confirmed [s]."""
-
-
-def _sectors(system: int, state: Callable[[], State | None]) -> Sectors:
-    """Import NumPy only where sectors are asked for."""
-    from firmware_bridge.drivers.mavlink.sectors import Sectors
-
-    return Sectors(system, state)
 
 
 class MavlinkDriver:
@@ -71,10 +61,7 @@ class MavlinkDriver:
         options = MavlinkOptions() if options is None else options
         self._stamp = SigningStamp(options.key_file)
         wall_time = max(time.time(), self._stamp.unix_time)
-        self.sectors = _sectors(options.system, self.state) if options.sectors else None
-        """What the vehicle tells of obstacles, where that was asked for."""
-        around = {} if self.sectors is None else {"around": self.sectors.take}
-        self._core = MavlinkCore(options, transport.write, wall_time, **around)
+        self._core = MavlinkCore(options, transport.write, wall_time)
         self._changed = threading.Condition()
         self._started, self._closing = False, False
         self._thread: threading.Thread | None = None

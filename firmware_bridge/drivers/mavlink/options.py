@@ -49,9 +49,6 @@ class MavlinkOptions:
     origin: tuple[float, float, float] | None = None
     """With mocap: latitude, longitude [deg], altitude [m] to call the origin; ArduPilot obeys no
     set-point without one."""
-    sectors: bool = False
-    """Whether what the vehicle tells of obstacles around it is listened to: what a ``[lidar]`` with
-    driver mavlink asks for."""
     failsafe: bool = True
     """Turn ArduPilot's GCS failsafe on where it is off (the parameter stays)."""
     key_file: str | None = None
@@ -67,7 +64,7 @@ class MavlinkOptions:
                 raise ConfigError(f"{name}: expected a MAVLink id from 1 to 255, got {value!r}")
         _one_of("role", self.role, GCS, COMPANION)
         _one_of("pose", self.pose, EKF, MOCAP)
-        for name in ("arm", "failsafe", "sectors"):
+        for name in ("arm", "failsafe"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"{name}: expected true or false, got {getattr(self, name)!r}")
         if not is_number(self.rate) or not 1.0 <= self.rate <= 400.0:

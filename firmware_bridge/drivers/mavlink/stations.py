@@ -11,8 +11,6 @@ SET_POINT_MESSAGES = frozenset(
 )
 WATCHED = frozenset((0, 82, 84, 86))
 """Message ids that are decoded of other systems: HEARTBEAT, and the set-points above."""
-SECTORS = frozenset((132, 330))
-"""Message ids that any component of the vehicle may send: DISTANCE_SENSOR, OBSTACLE_DISTANCE."""
 MASTER_TOLD = 1.0
 """How long a set-point of another master counts as a fault [s]."""
 STATION_TOLD = 5.0
@@ -21,14 +19,9 @@ GCS = 6
 """MAV_TYPE of a ground station."""
 
 
-def worth_decoding(
-    system: int, component: int, sectors: bool = False
-) -> Callable[[int, int, int], bool]:
+def worth_decoding(system: int, component: int) -> Callable[[int, int, int], bool]:
     """Whether a frame is of our vehicle, or one of the few of others that are looked at."""
-    around = SECTORS if sectors else frozenset()
-    return lambda of, by, kind: (
-        (of, by) == (system, component) or kind in WATCHED or (of == system and kind in around)
-    )
+    return lambda of, by, kind: (of, by) == (system, component) or kind in WATCHED
 
 
 class OtherStations:

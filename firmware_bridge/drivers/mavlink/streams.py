@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from firmware_bridge.drivers.mavlink.commands import ACCEPTED, SET_MESSAGE_INTERVAL, CommandDesk
 
 EKF_STATUS = 193
-EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE, SECTOR_RATE = 20.0, 5.0, 1.0, 10.0
+EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0
 """Largest rates that are asked for [Hz]."""
 LATE_PERIODS, LATE = 3.0, 0.03
 """A stream is late after this many of its periods, plus this time on the link [s]."""
@@ -208,8 +208,8 @@ class StreamRequests:
             stream.answered = stream.refused = True
 
 
-def wanted_streams(rate: float, sectors: bool = False) -> tuple[Stream, ...]:
-    """Telemetry that a drive needs, poses `rate` times a second [Hz], and sectors where asked."""
+def wanted_streams(rate: float) -> tuple[Stream, ...]:
+    """Telemetry that a drive needs, poses `rate` times a second [Hz]."""
     rates = rates_from(rate)
     return (
         Stream(32, "LOCAL_POSITION_NED", rates),
@@ -217,11 +217,6 @@ def wanted_streams(rate: float, sectors: bool = False) -> tuple[Stream, ...]:
         Stream(EKF_STATUS, "EKF_STATUS_REPORT", rates_from(min(rate, EKF_RATE))),
         Stream(0, "HEARTBEAT", (HEARTBEAT_RATE,), needed=False),
         Stream(49, "GPS_GLOBAL_ORIGIN", (ORIGIN_RATE,), needed=False),
-        *(
-            Stream(message, name, (SECTOR_RATE,), needed=False)
-            for message, name in ((132, "DISTANCE_SENSOR"), (330, "OBSTACLE_DISTANCE"))
-            if sectors
-        ),
     )
 
 

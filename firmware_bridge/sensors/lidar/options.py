@@ -11,7 +11,7 @@ from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
 
-LIDARS = ("rplidar", "ld06", "mavlink")
+LIDARS = ("rplidar", "ld06")
 NO_RETURN = ("unknown", "free")
 SECTORS = 64
 """More sectors than this are no robot's."""
@@ -22,10 +22,9 @@ class LidarOptions:
     """The ``[lidar]`` section."""
 
     driver: str
-    """rplidar (SLAMTEC A1, A2), ld06 (LDROBOT LD06, LD19), or mavlink: what an autopilot tells of
-    its own sensors."""
+    """rplidar (SLAMTEC A1, A2) or ld06 (LDROBOT LD06, LD19)."""
     link: str | None = None
-    """serial:PATH, pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; none for mavlink."""
+    """serial:PATH, pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; it must be given."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Pose of the sensor on the robot: ahead, to the left [m], and where its front points,
     counter-clockwise [rad]."""
@@ -56,14 +55,9 @@ class LidarOptions:
             raise ConfigError(f"driver: expected {', '.join(LIDARS)}, got {self.driver!r}")
         if self.no_return not in NO_RETURN:
             raise ConfigError(f"no_return: expected {' or '.join(NO_RETURN)}, got {self.no_return}")
-        if (self.driver == "mavlink") != (self.link is None):
-            raise ConfigError(
-                "link: the autopilot's own; leave it out"
-                if self.driver == "mavlink"
-                else "link: missing: give --lidar-link URL"
-            )
-        if self.link is not None:
-            LinkUrl.parse(self.link)
+        if self.link is None:
+            raise ConfigError("link: missing: give --lidar-link URL")
+        LinkUrl.parse(self.link)
         check(self)
         low, high = self.range_min, self.range_max
         if low is not None and high is not None and low >= high:

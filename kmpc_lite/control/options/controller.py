@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
@@ -18,7 +17,6 @@ from kmpc_lite.control.options.control import (
 from kmpc_lite.control.options.guidance import GoalOptions, GuidanceOptions, MovingObstacleOptions
 from kmpc_lite.control.options.sight import ObstacleOptions, SightOptions, TrackerOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
-from kmpc_lite.gone_options import GONE
 from kmpc_lite.option_fields import check, group
 
 
@@ -84,10 +82,6 @@ def _changed_by(options: Any, table: Mapping[str, Any], where: str) -> Any:
     values: dict[str, Any] = {}
     for name, value in table.items():
         place = f"{where}.{name}"
-        instead = GONE.get(place.removeprefix("options."))
-        if instead is not None:
-            warnings.warn(f"{place}: not an option any more; {instead}", stacklevel=4)
-            continue
         if name not in known:
             hint = did_you_mean(name, known) or f"; expected one of {', '.join(known)}"
             raise ProblemError(f"{place}: unknown{hint}")

@@ -17,7 +17,6 @@ from kmpc_lite.learn.checks.evidence import examine
 from kmpc_lite.learn.checks.motion import gather
 from kmpc_lite.learn.checks.readings import (
     Case,
-    beyond_grip,
     counted_rows,
     length_unit,
     make_case,
@@ -28,7 +27,7 @@ from kmpc_lite.learn.checks.readings import (
     turn_unit,
     turns_the_other_way,
 )
-from kmpc_lite.learn.checks.relations import clocks_differ, other_source, unrelated, wheel_speeds
+from kmpc_lite.learn.checks.relations import clocks_differ, unrelated, wheel_speeds
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.learn.stopping import aligned, unmodelled_delay
@@ -109,8 +108,6 @@ CHECKS: dict[str, Callable[[Case], str | None]] = {
     "turn direction": turns_the_other_way,
     "length": length_unit,
     "turn rate": turn_unit,
-    "other source": other_source,
-    "grip": beyond_grip,
     "clocks": clocks_differ,
 }
 """By name, in the order in which they are reported."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.learn.checks.evidence import Evidence, Explained, heading_offset, headings
+from kmpc_lite.learn.checks.evidence import Evidence, Explained, heading_offset
 from kmpc_lite.learn.logs import Log
 
 BETTER = 0.6
@@ -66,27 +66,6 @@ def power_of(explained: Explained) -> float:
 def percent(explained: Explained) -> str:
     """A share in words."""
     return f"{100.0 * max(explained.share, 0.0):.0f} %"
-
-
-def is_seen(case: Case, channel: int, length: int = 32) -> bool:
-    """Whether a tenth of what is asked in a channel would be seen above the poses' noise."""
-    motion = case.evidence.motion
-    asked = motion.asked[:, channel]
-    moved = motion.position if channel == 0 else headings(motion, case.degrees)
-    if len(asked) < 4 * length:
-        return False
-    expected = 0.1 * np.sqrt(np.mean(np.abs(asked[length:] - asked[:-length]) ** 2))
-    bends = moved[2:] - 2.0 * moved[1:-1] + moved[:-2]
-    middle = 2.88 if np.iscomplexobj(bends) else 1.65  # of a bend, times sqrt(6) of a pose's noise
-    noise = np.median(np.abs(bends)) / middle
-    return bool(expected > NOISE * noise)
-
-
-def varies(case: Case, channel: int) -> bool:
-    """Whether a command is given for a good part of the log, and is not always the same."""
-    values = np.abs(case.log.commands.values[:, -channel])  # 0: v, 1: omega, the last
-    largest = values.max()
-    return bool((values > 0.1 * largest).mean() > 0.1 and values.std() > 0.05 * largest)
 
 
 def positions_mirrored(case: Case) -> bool:
@@ -168,8 +147,6 @@ def rotated(case: Case) -> str | None:
     )
 
 
-GRIP = 15.0
-"""Acceleration that no wheel can give, one and a half times gravity [m/s^2]."""
 PLAUSIBLE_PERIODS = (2e-4, 20.0)
 """Between the rows of a log [s]."""
 
@@ -199,8 +176,6 @@ def time_unit(case: Case) -> str | None:
 LENGTHS = (
     (2.4, 4.0, "x=mm y=mm", "the path is a thousand times as long as v says: x and y are in mm"),
     (1.5, 2.4, "x=cm y=cm", "the path is a hundred times as long as v says: x and y are in cm"),
-    (0.42, 0.62, "x=ft y=ft", "the path is three times as long as v says: x and y are in feet"),
-    (-0.62, -0.5, "v=km/h", "the path is a quarter of what v says: v is in km/h"),
     (-2.4, -1.5, "v=cm/s", "the path is a hundredth of what v says: v is in cm/s"),
     (-4.0, -2.4, "v=mm/s", "the path is a thousandth of what v says: v is in mm/s, or x, y in km"),
 )
@@ -263,25 +238,4 @@ def counted_rows(case: Case) -> str | None:
     return (
         f"t counts rows: the speeds say that one takes about {seconds:.2g} s; "
         f"--units t={seconds:.2g}, or better what it is"
-    )
-
-
-def beyond_grip(case: Case) -> str | None:
-    """Both lengths and speeds are in mm: nothing on wheels takes such turns."""
-    if not (case.moves.sure and case.turns.sure) or time_unit(case):
-        return None
-    motion, n = case.evidence.motion, max(case.moves.length, case.turns.length)
-    seconds = motion.time[n:] - motion.time[:-n]
-    good = seconds > 0.0
-    if length_unit(case) or not good.any():
-        return None
-    speed = np.abs(motion.position[n:] - motion.position[:-n])[good] / seconds[good]
-    turned = headings(motion, case.degrees)
-    rate = np.abs(turned[n:] - turned[:-n])[good] / seconds[good]
-    pull = float(np.quantile(speed * rate, 0.9))
-    if pull < GRIP:
-        return None
-    return (
-        f"the robot would be pulled aside by {pull:.0f} m/s^2 in its turns, more than wheels can "
-        "hold: lengths and speeds are in mm (--units x=mm y=mm v=mm/s)"
     )

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, Evidence, examine, headings
-from kmpc_lite.learn.checks.readings import Case, is_seen, percent, time_unit, varies
+from kmpc_lite.learn.checks.evidence import NOTHING, Evidence, examine
+from kmpc_lite.learn.checks.readings import Case, percent, time_unit
 from kmpc_lite.learn.cross_validation import SelectionOptions
-from kmpc_lite.types import Array
 
 AHEAD, BEHIND = 0.5, 2.5
 """How far a motion may come before its command, and after it [s]."""
@@ -42,17 +41,6 @@ def unrelated(case: Case) -> str | None:
     seen = [e for e in (case.moves, case.turns) if e is not NOTHING]
     if not seen or not all(e.absent for e in seen):
         return None
-    if _exchanged(case):
-        return (
-            "the motion follows the commands only with v and omega exchanged: --columns v=NAME "
-            "omega=NAME says which is which"
-        )
-    shift = _find_shift(case)
-    if shift is not None:
-        return (
-            f"the motion fits the commands only if those are moved by {shift:+.2f} s: their clocks "
-            f"differ; --shift {shift:.2f}"
-        )
     shares = f"{percent(case.moves)} of the displacements and {percent(case.turns)} of the turns"
     return (
         "the motion does not follow the commands, in no usual unit and at no delay: poses and "
@@ -61,55 +49,10 @@ def unrelated(case: Case) -> str | None:
     )
 
 
-def _exchanged(case: Case) -> bool:
-    """Whether the first command is the turn and the second the speed."""
-    other = _with_exchanged(case)
-    return other.moves[1, False].sure and other.turns[False].sure
-
-
 def _with_exchanged(case: Case) -> Evidence:
     """What the motion shows where the first command is the turn and the second the speed."""
     motion = case.evidence.motion
     return examine(replace(motion, asked=motion.asked[:, ::-1]))
-
-
-def _find_shift(case: Case) -> float | None:
-    """Seconds by which the commands are to be moved to fit the motion, or None."""
-    motion = case.evidence.motion
-    seen = [
-        _peak(np.abs(np.diff(motion.position)), np.abs(np.diff(motion.asked[:, 0]))),
-        _peak(np.diff(headings(motion, case.degrees)), np.diff(motion.asked[:, 1])),
-    ]
-    height, rows = max(seen)
-    return rows * motion.period if height > 0.6 and abs(rows) > LAGS[-1] // 2 else None
-
-
-def _peak(moved: Array, asked: Array) -> tuple[float, int]:
-    """Largest correlation of two series (n,), and the rows by which the second comes earlier."""
-    a, b = moved - moved.mean(), asked - asked.mean()
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    if size <= 0.0:
-        return 0.0, 0
-    alike = np.fft.irfft(np.fft.rfft(a, 2 * len(a)) * np.conj(np.fft.rfft(b, 2 * len(b))))
-    at = int(np.argmax(alike))
-    return float(alike[at]) / size, at if at < len(a) else at - 2 * len(a)
-
-
-def other_source(case: Case) -> str | None:
-    """One of the two fits, the other does not though it would be seen."""
-    if case.moves.sure and case.turns.absent and is_seen(case, 1) and varies(case, 1):
-        return (
-            f"the heading does not follow omega ({percent(case.turns)} of the turns are "
-            "explained), though the positions follow v: another column or topic was meant for "
-            "theta or omega (--columns, --topics)"
-        )
-    if case.turns.sure and case.moves.absent and is_seen(case, 0) and varies(case, 0):
-        return (
-            "the positions move neither along the heading nor across it "
-            f"({percent(case.moves)} explained), though theta follows omega: x, y and theta are "
-            "not of one frame, or v is not the speed (--columns, --topics, --units)"
-        )
-    return None
 
 
 def clocks_differ(case: Case) -> str | None:

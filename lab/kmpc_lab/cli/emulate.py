@@ -142,10 +142,7 @@ def _emulator(
             else Twin.of(scenario, options.seed, kind)
         )
     eyes = None if options.lidar is None else Eyes(robot.lidar, scenario, options.seed)
-    around = None if eyes is None else eyes.around
-    emulator = build_emulator(
-        robot, start, slip, turn_gain, options.seed, options.arm_after, twin, around
-    )
+    emulator = build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
     return emulator, None if eyes is None else eyes.served(lambda: emulator.pose)
 
 

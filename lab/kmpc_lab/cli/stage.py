@@ -40,7 +40,7 @@ class Stage:
     @property
     def eyes(self) -> dict[str, str | None]:
         """``[lidar]`` section of the drive."""
-        link = None if self.lidar == "mavlink" else f"pty:{self.file.parent}/lidar"
+        link = f"pty:{self.file.parent}/lidar"
         # the map has no walls around it: beams that end nowhere have nothing before them
         return {"driver": self.lidar, "no_return": "free", "link": link} if self.lidar else {}
 

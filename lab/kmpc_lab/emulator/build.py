@@ -11,7 +11,6 @@ from firmware_bridge.robot_file import Robot
 if TYPE_CHECKING:
     from kmpc_lab.emulator.board import BoardEmulator
     from kmpc_lab.emulator.rover.physics import RoverPhysics
-    from kmpc_lab.emulator.rover.telemetry import Around
     from kmpc_lab.sim.twin import Twin
 
 EMULATORS = {
@@ -59,12 +58,8 @@ def build_emulator(
     seed: int,
     arm_after: float,
     twin: Twin | None = None,
-    around: Around | None = None,
 ) -> Emulator:
-    """Build the board of a robot file, and a robot under it: one that slips, or a digital twin.
-
-    An autopilot tells what is `around` it.
-    """
+    """Build the board of a robot file, and a robot under it: one that slips, or a digital twin."""
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
     kind = load(EMULATORS[robot.link.driver])
     if robot.is_autopilot:
@@ -90,7 +85,6 @@ def build_emulator(
             physics=physics,
             parameters=parameters,
             noise=GPS_NOISE,
-            around=around,
         )
         return rover
     emulator: BoardEmulator = kind.from_options(robot.driver_table(), **floor)

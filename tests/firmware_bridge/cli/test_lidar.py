@@ -142,10 +142,10 @@ def test_options_reach_the_robot():
     parser = argparse.ArgumentParser()
     add_robot_options(parser)
     parser.add_argument("--by-sight", dest="control.map", action="store_const", const=False)
-    words = ["--driver", "mavlink", "--link", "tcp:127.0.0.1:1", "--lidar", "mavlink"]
+    words = ["--driver", "mavlink", "--link", "tcp:127.0.0.1:1", "--lidar", "ld06"]
+    words += ["--lidar-link", "pty:x", "--set", "lidar.mount=[0.1, 0, 0]"]
     robot = read_robot(parser.parse_args([*words, "--by-sight"]))
-    assert robot.lidar.driver == "mavlink" and robot.control.map is False
-    words[-1:] = ["ld06", "--lidar-link", "pty:x", "--set", "lidar.mount=[0.1, 0, 0]"]
+    assert robot.lidar.driver == "ld06" and robot.control.map is False
     robot = read_robot(parser.parse_args(words))
     assert (robot.lidar.link, robot.lidar.mount) == ("pty:x", (0.1, 0.0, 0.0))
     assert robot.control.map is True

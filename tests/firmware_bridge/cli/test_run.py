@@ -85,20 +85,16 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
     }
     data = kl.Dataset.load("drive/drive.csv")
     assert data.dt == pytest.approx(0.05 if name == "roboclaw" else 0.1) and data.steps > 10
-    log = "drive/drive.tlog" if name == "rover" else "drive/drive.raw"
-    assert report["files"] == ["drive/drive.csv", log, "drive/drive.mcap"]
+    logs = ["drive/drive.tlog"] if name == "rover" else []
+    assert report["files"] == ["drive/drive.csv", *logs, "drive/drive.mcap"]
     look_at_the_recording(load_drive(Path("drive")), report)
     assert kl.Dataset.load("drive", dt=0.1).steps > 10
-    assert main(["replay", log, "--json"]) == 0
-    replayed = json.loads(capsys.readouterr().out)
-    assert replayed["seconds"] > 2.0
-    if name == "rover":
-        assert (
-            replayed["messages"]["SET_POSITION_TARGET_LOCAL_NED"] > 50 and replayed["poses"] > 100
-        )
+    for log in logs:
+        assert main(["replay", log, "--json"]) == 0
+        replayed = json.loads(capsys.readouterr().out)
+        assert replayed["seconds"] > 2.0 and replayed["poses"] > 100
+        assert replayed["messages"]["SET_POSITION_TARGET_LOCAL_NED"] > 50
         assert 0.7 < replayed["distance"] < 1.5
-    else:
-        assert replayed["bytes_in"] > 1000 and replayed["bytes_out"] > 1000
 
 
 def test_a_pilot_that_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, capsys):

@@ -11,8 +11,6 @@ from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import DRIVERS, NOMINAL_LATENCY, TOPICS, load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.sensors.sensor_driver import autopilot_of
-from kmpc_lab.attacks.floods import MOTOR_BOARDS
-from kmpc_lab.attacks.vehicle import sections
 from kmpc_lab.emulator.build import EMULATORS, Emulator, build_emulator
 
 
@@ -30,7 +28,12 @@ def test_a_board_has_a_driver_and_an_emulator_of_the_same_robot_file(name):
     driver, emulator = load(board.driver), load(EMULATORS[name])
     assert methods(Driver) <= set(dir(driver)) and methods(Emulator) <= set(dir(emulator))
     pose = None if board.encoders else "udp:127.0.0.1:5"
-    robot = load_robot(None, sections(name, "tcp:127.0.0.1:5", pose))
+    sections = {
+        "link": {"url": "tcp:127.0.0.1:5", "driver": name, "pose": pose},
+        "board": board.options,
+        "geometry": board.geometry,
+    }
+    robot = load_robot(None, sections)
     made = open_driver(robot, open_transport(robot.link.url))
     assert (autopilot_of(made) is not None) == robot.is_autopilot
     made.close()
@@ -41,5 +44,4 @@ def test_a_board_has_a_driver_and_an_emulator_of_the_same_robot_file(name):
 
 def test_all_that_lists_boards_follows_the_table():
     assert set(BOARDS) == set(DRIVERS) == set(NOMINAL_LATENCY) - {TOPICS}
-    assert set(MOTOR_BOARDS) == set(BOARDS) - {"mavlink"}
     assert {{"rover": "mavlink"}.get(name, name) for name in templates()} == set(BOARDS)

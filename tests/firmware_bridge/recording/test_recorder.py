@@ -9,7 +9,7 @@ from robots import Clock
 
 import kmpc_lite as kl
 from firmware_bridge.messages import State
-from firmware_bridge.recording.recorder import CsvRecorder, RowSampler, Tick, torn_bytes
+from firmware_bridge.recording.recorder import CsvRecorder, RowSampler, Tick
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import Action, GateState
 
@@ -104,21 +104,3 @@ def test_a_pose_that_is_not_finite_leaves_its_rows_out():
     assert np.isfinite(rows).all()
     steps = np.diff([r[0] for r in rows])
     assert (steps > 0.29).sum() == 1 and np.allclose(steps[steps < 0.29], 0.1)
-
-
-def test_a_torn_row_is_mended_wherever_it_tore(tmp_path):
-    path = tmp_path / "a.csv"
-    recorder = CsvRecorder(path, 0.1)
-    drive(recorder, seconds=3.0)
-    recorder.close()
-    whole = path.read_bytes()
-    for cut in range(len(whole) - 150, len(whole) + 1):
-        for tail in (b"", b"\0" * 300):
-            path.write_bytes(whole[:cut] + tail)
-            torn = torn_bytes(path)
-            assert path.read_bytes() == whole[:cut] + tail
-            removed = torn_bytes(path, mend=True)
-            assert removed == torn and torn_bytes(path) == 0
-            assert path.read_bytes() == whole[: whole[:cut].rfind(b"\n") + 1]
-            assert removed == cut + len(tail) - path.stat().st_size
-    assert kl.Dataset.load(path).steps > 10

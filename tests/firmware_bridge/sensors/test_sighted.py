@@ -3,15 +3,11 @@
 import numpy as np
 import pytest
 
-from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
-from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.sensors.lidar.lidar import LidarHealth
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from firmware_bridge.sensors.pose import PosedDriver
 from firmware_bridge.sensors.scan import Sweep
-from firmware_bridge.sensors.sighted import SightedDriver, with_lidar
+from firmware_bridge.sensors.sighted import SightedDriver
 
 OPTIONS = LidarOptions("ld06", "pty:x")
 
@@ -91,18 +87,6 @@ def test_a_covered_lidar_is_blind():
     driver, eye, _ = pair(LidarOptions("ld06", "pty:x", no_return="free"))
     eye.seen = turn(6.0, unknown=0.97)
     assert driver.health().scan_stamp == 6.0
-
-
-def test_an_autopilots_own_sensors_need_no_link():
-    rover = mavlink(sectors=True)
-    driver = with_lidar(rover, LidarOptions("mavlink"))
-    assert driver.lidar is rover.sectors is not None
-    posed = with_lidar(PosedDriver(rover, "udp::0"), LidarOptions("mavlink"))
-    assert posed.lidar is rover.sectors
-
-
-def mavlink(**options):
-    return MavlinkDriver(open_transport("pty:x"), MavlinkOptions(**options))
 
 
 def hall(stamp, shift=0.0):

@@ -17,7 +17,6 @@ from kmpc_lab.cli.study import maps
 from kmpc_lite.cli.command import (
     ENTRY_POINTS,
     LAB,
-    LAST,
     ROBOT,
     build_parser,
     known_commands,
@@ -84,7 +83,7 @@ def test_help_and_version_import_nothing_heavy() -> None:
             assert out.startswith("usage: kmpc") and "--json" in out
             robot, desk = out.split("commands for a desk")
             listed = re.compile(r"^    (\w[\w-]*) ", re.MULTILINE)
-            assert set(listed.findall(robot)) == {*ROBOT, LAST}
+            assert set(listed.findall(robot)) == set(ROBOT)
             assert set(listed.findall(desk)) == set(LAB)
         else:
             assert out.startswith("usage: kmpc"), line
@@ -105,7 +104,7 @@ def test_another_package_can_add_commands(monkeypatch: pytest.MonkeyPatch) -> No
     install(monkeypatch, {**COMMANDS, "fly": "mine:FLY"})
     known = known_commands()
     assert known["fly"] == "mine:FLY" and known.items() >= COMMANDS.items()
-    assert list(known)[: len(ROBOT) + 2] == [*ROBOT, "fly", LAST]
+    assert list(known)[: len(ROBOT) + 1] == [*ROBOT, "fly"]
 
 
 @pytest.mark.parametrize(
@@ -202,12 +201,3 @@ def test_colours_are_for_terminals_that_want_them(
         monkeypatch.setenv("NO_COLOR", no_color)
         assert main(["fly"]) == 2
         assert ("\x1b[31mkmpc:" in capsys.readouterr().err) == coloured
-
-
-def test_completion_knows_commands_options_and_choices(capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("shtab")
-    for shell in ("bash", "zsh"):
-        assert main(["completion", shell]) == 0
-        script = capsys.readouterr().out
-        for word in ("simulate", "estop", "--families", "narrow", "roboclaw", "turning"):
-            assert word in script, (shell, word)

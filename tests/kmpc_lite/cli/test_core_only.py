@@ -54,7 +54,6 @@ def test_a_missing_extra_is_reported_before_anything_is_done(tmp_path: Path) -> 
         "bench --picture bench.png": "kmpc-lab[plot]",
         "study table1": "kmpc-lab[peers]",
         "study maps": "kmpc-lab[peers]",
-        "completion bash": "kmpc-lite[completion]",
         "emulate mavlink --link pty:link": "kmpc-lite[bridge]",
         "emulate mavlink --link pty:link --physics mujoco": "kmpc-lite[bridge]",
         "check --driver mavlink --link pty:link": "kmpc-lite[bridge]",

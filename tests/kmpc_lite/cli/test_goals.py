@@ -49,8 +49,6 @@ def test_a_wrong_route_is_reported_with_its_line(tmp_path, text: str, words: str
     ("line", "words"),
     [
         ("--route no.csv", "no.csv: cannot read the route"),
-        ("--route mission.plan --home 100 0", "--home: no place on Earth"),
-        ("--goal 1 0 0 --home 50 8", "--home: only the waypoints"),
         ("--goal 1 0 0 --loop", "expected at least 2 goals"),
     ],
 )

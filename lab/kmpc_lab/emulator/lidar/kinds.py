@@ -11,13 +11,12 @@ from firmware_bridge.sensors.lidar.options import LidarOptions
 
 if TYPE_CHECKING:
     from kmpc_lab.emulator.lidar.lidar import LidarEmulator, Pose
-    from kmpc_lab.emulator.rover.telemetry import Around
     from kmpc_lite.scenario.files import Scenario
     from kmpc_lite.scenario.world import World
 
 
 class Eyes:
-    """What the emulated robot of a robot file sees: through an autopilot, or through a lidar.
+    """What the emulated robot of a robot file sees through its lidar.
 
     Parameters
     ----------
@@ -43,20 +42,9 @@ class Eyes:
 
         self._options, self._world, self._seed = options, world_of(scenario), seed
 
-    @property
-    def around(self) -> Around | None:
-        """What an autopilot itself sees; None for a robot whose lidar has a link of its own."""
-        if self._options.driver != "mavlink":
-            return None
-        from kmpc_lab.emulator.lidar.sectors import MODEL, SectorSensor
-
-        model = replace(MODEL, mount=self._options.mount)
-        return SectorSensor(self._world, model, self._seed).message
-
-    def served(self, pose: Callable[[], Pose]) -> tuple[LidarEmulator, str] | None:
-        """Lidar of a robot at `pose`, and the URL to serve it at; None for an autopilot's own."""
-        if self._options.link is None:
-            return None
+    def served(self, pose: Callable[[], Pose]) -> tuple[LidarEmulator, str]:
+        """Lidar of a robot at `pose`, and the URL to serve it at."""
+        assert self._options.link is not None
         lidar = emulated_lidar(self._options, self._world, pose, self._seed)
         return lidar, self._options.link
 

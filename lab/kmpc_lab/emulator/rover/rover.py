@@ -21,7 +21,7 @@ from kmpc_lab.emulator.rover.estimator import Estimator
 from kmpc_lab.emulator.rover.parameters import Parameters
 from kmpc_lab.emulator.rover.physics import RoverPhysics
 from kmpc_lab.emulator.rover.protocol import Protocol
-from kmpc_lab.emulator.rover.telemetry import Around, Telemetry
+from kmpc_lab.emulator.rover.telemetry import Telemetry
 
 log = logging.getLogger(__name__)
 
@@ -65,8 +65,6 @@ class RoverEmulator:
         Standard deviation of the slow error of its position, with GPS [m].
     physics : RoverPhysics, optional
         Another rover; slip, turn gain and seed are then its own.
-    around : callable, optional
-        What its proximity sensor tells: see `Telemetry`.
 
     Examples
     --------
@@ -94,14 +92,13 @@ class RoverEmulator:
         accept_unsigned: bool = False,
         noise: float = 0.0,
         physics: RoverPhysics | None = None,
-        around: Around | None = None,
     ) -> None:
         self.parameters = Parameters(parameters)
         self._physics = RoverPhysics(slip, turn_gain, seed) if physics is None else physics
         self._physics.place(*pose)
         self._clock, self._arm_after, self._system = clock, arm_after, system
         self._lock = threading.RLock()
-        self._noise, self._seed, self._around = noise, seed, around
+        self._noise, self._seed = noise, seed
         self._codec = MavlinkCodec(
             system,
             1,
@@ -124,7 +121,7 @@ class RoverEmulator:
         estimator = Estimator(self.parameters, 0.6 * self._arm_after, self._noise, self._seed)
         self.autopilot = Autopilot(self.parameters, self._physics, estimator, self._arm_after)
         self.autopilot.uptime = uptime
-        self._telemetry = Telemetry(self.autopilot, self._around)
+        self._telemetry = Telemetry(self.autopilot)
         self._protocol = Protocol(
             self.autopilot, self._telemetry, self._send, self._system, self._set_up_signing
         )

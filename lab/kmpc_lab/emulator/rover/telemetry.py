@@ -12,7 +12,6 @@ from firmware_bridge.frames import enu_to_ned
 from kmpc_lab.emulator.rover.autopilot import GUIDED, HOLD, LOITER, Autopilot
 from kmpc_lab.emulator.rover.estimator import ORIGIN
 
-Around = Callable[[tuple[float, float, float], float], Any]
 METRES_PER_DEGREE = 111320.0
 MILLISECONDS_WRAP = 2**32
 CAPABILITIES = (
@@ -44,11 +43,9 @@ class Telemetry:
     ----------
     autopilot : Autopilot
         What to tell of.
-    around : callable, optional
-        OBSTACLE_DISTANCE at a pose x, y [m], theta [rad] and a time after boot [s].
     """
 
-    def __init__(self, autopilot: Autopilot, around: Around | None = None) -> None:
+    def __init__(self, autopilot: Autopilot) -> None:
         self._pilot = autopilot
         self._intervals: dict[int, float] = {}
         self._due: dict[int, float] = {}
@@ -70,8 +67,6 @@ class Telemetry:
             193: self._ekf,
             242: self._home,
         }
-        if around is not None:
-            self._builders[330] = lambda: around(autopilot.physics.pose, autopilot.uptime)
         self.set_interval(0, 1.0)
 
     @property

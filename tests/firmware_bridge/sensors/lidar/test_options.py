@@ -12,9 +12,9 @@ LINK = {"url": "tcp:127.0.0.1:1", "driver": "mavlink"}
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"driver": "sick"}, "lidar.driver: expected rplidar, ld06, mavlink, got 'sick'"),
+        ({"driver": "sick"}, "lidar.driver: expected rplidar, ld06, got 'sick'"),
         ({"link": "usb:0"}, "link: expected serial:"),
-        ({"driver": "mavlink"}, "lidar.link: the autopilot's own"),
+        ({"link": None}, "lidar.link: missing: give --lidar-link URL"),
         ({"mount": [1, 2]}, "lidar.mount: expected .x, y, theta. in m, rad"),
         ({"ignore": [1, 2]}, "lidar.ignore"),
         ({"ignore": [[0, 1]] * 65}, "lidar.ignore"),
@@ -30,11 +30,7 @@ def test_what_is_wrong_is_reported_in_one_line(more, words):
     assert "\n" not in str(told.value)
 
 
-def test_an_autopilots_own_sensors_need_an_autopilot():
-    robot = load_robot(None, {"link": LINK, "lidar": {"driver": "mavlink"}})
-    assert robot.lidar is not None and robot.driver_table()["board"]["sectors"] is True
-    with pytest.raises(ConfigError, match="only an autopilot tells of its sensors"):
-        load_robot(None, {"link": {**LINK, "driver": "vesc"}, "lidar": {"driver": "mavlink"}})
+def test_a_lidar_is_named():
     with pytest.raises(ConfigError, match="lidar.driver: missing: give --lidar NAME"):
         load_robot(None, {"link": LINK, "lidar": {"link": "pty:x"}})
     assert load_robot(None, {"link": LINK}).lidar is None

@@ -9,7 +9,6 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control import options as rooms
-from kmpc_lite.gone_options import GONE
 
 GROUPS = [
     getattr(rooms, name)() for name in rooms.__all__ if isinstance(getattr(rooms, name), type)
@@ -72,16 +71,6 @@ def test_what_is_wrong_in_a_table_is_reported_in_one_line(
     with pytest.raises(kl.ProblemError, match=re.escape(words)) as refused:
         kl.ControllerOptions.from_dict(tables)
     assert "\n" not in str(refused.value)
-
-
-def test_an_option_of_an_earlier_version_is_understood_and_what_took_its_place_reported() -> None:
-    assert GONE
-    for place, instead in GONE.items():
-        room, name = place.split(".")
-        with pytest.warns(UserWarning, match=re.escape(instead)):
-            options = kl.ControllerOptions.from_dict({room: {name: 1}})
-        assert options == kl.ControllerOptions()
-        assert not hasattr(getattr(options, room), name)
 
 
 def test_the_guide_to_scenario_files_names_every_room() -> None:

@@ -59,9 +59,8 @@ def test_the_option_that_is_named_mends_it(wrong: str) -> None:
     assert suspects_of(log) == []
 
 
-ALIKE = ("all mm", "y mirrored", "unrelated", "exchanged", "km/h", "feet", "no sign")
-"""What may be meant: a slow robot in mm is a fast one in m, one that is told km/h or feet makes a
-third of what it is told, and who hardly turns, or hardly reverses, looks alike without the sign."""
+ALIKE = ("y mirrored", "unrelated", "exchanged")
+"""What may be meant: who hardly turns, or hardly reverses, looks alike without the sign."""
 
 
 @pytest.mark.long
