@@ -36,11 +36,12 @@ $(VENV)/docs: $(VENV)/python pyproject.toml lab/pyproject.toml
 demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv: from your robot's log, on a map for its speed
 	@$(BIN)/kmpc demo $(if $(LOG),--log $(LOG)) --output out
 
-check: $(VENV)/dev  ## style, types, import rules and the documentation's build
+check: $(VENV)/dev  ## style, types, import rules, budgets and the documentation's build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/budgets.py
 	$(BIN)/mkdocs build --strict --quiet
 
 docs: $(VENV)/docs  ## the documentation as a site, a warning being an error: out/site/index.html
@@ -62,7 +63,7 @@ test-firmware: $(VENV)/demo  ## exported controllers on this machine, aarch64 an
 outcomes: $(VENV)/dev  ## every outcome drive with ten seeds: contacts, arrivals, times (half an hour)
 	PYTHONPATH=.:lab:tests $(BIN)/python -m outcomes check --seeds 10 $(ARGS)
 
-budgets: $(VENV)/dev  ## lines, files, options, states and functions reached by a step, beside what they may be
+budgets: $(VENV)/dev  ## lines, files, numbers, states, words and functions reached by a step, beside what they may be
 	@$(BIN)/python .ci/budgets.py
 
 version:  ## the version, the same everywhere; V=0.4.0.dev0 sets it

@@ -1,14 +1,17 @@
-"""Print how large the project is beside what it may be: lines, files, options, states, functions.
+"""Hold the project to its size: lines, files, numbers, functions, states and words have limits.
 
-`make budgets` runs it. A budget that does not hold is marked; nothing fails.
+`make budgets` runs it, and `make check` with it. It fails where a count is above its limit in
+`.ci/budgets.toml`, where it is 2 % below and the limit was not lowered, and where a limit is higher
+than in a commit before: limits only go down.
 """
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import fields, is_dataclass
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -17,48 +20,52 @@ import numpy as np
 
 import kmpc_lite as kl
 from kmpc_lab.sim.lidar import scan_of, scan_ranges
-from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.scenario.lidar import LidarSpec
 from kmpc_lite.scenario.world import World
 
 ROOT = Path(__file__).parents[1]
+LIMITS = ROOT / ".ci" / "budgets.toml"
 PACKAGE = str(Path(kl.__file__).parent)
 STEPS = 300
-LINES = {
-    "kmpc_lite": 17_000,
-    "kmpc_lite/control": 9_000,
-    "firmware_bridge": 19_000,
-    "lab": 15_000,
-    "tests": 36_000,
-}
-CONTROL_FILES = 75
-OPTIONS = 90
-FUNCTIONS = 250
-WORDS = 30_000
+SLACK = 0.02
+"""Share by which a count may be below its limit until that must be lowered."""
 
 
 def tracked(pattern: str) -> list[Path]:
     """Files that the repository holds, as they are in the work tree."""
-    names = subprocess.run(
-        ["git", "ls-files", pattern], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split()
+    names = _git("ls-files", pattern).split()
     return [path for name in names if (path := ROOT / name).is_file()]
 
 
-def lines(folder: str) -> int:
-    """Lines of Python, docstrings included."""
-    return sum(len(path.read_text().splitlines()) for path in tracked(f"{folder}/*.py"))
+def lines(pattern: str) -> int:
+    """Lines, docstrings and comments included."""
+    return sum(len(path.read_text().splitlines()) for path in tracked(pattern))
 
 
-def leaves(options: type) -> Iterator[str]:
-    """Names of all options, those of its groups included."""
-    made = options()
-    for field in fields(options):
-        value = getattr(made, field.name)
-        if is_dataclass(value):
-            yield from leaves(type(value))
-        else:
-            yield field.name
+def numbers(pattern: str) -> int:
+    """Names at the top of modules that hold a number, or numbers."""
+    count = 0
+    for path in tracked(pattern):
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.Assign):
+                count += sum(map(_is_number, _values(node)))
+    return count
+
+
+def _values(node: ast.Assign) -> Iterator[ast.expr]:
+    """What each name is assigned."""
+    for target in node.targets:
+        many = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+        yield from node.value.elts if many else [node.value]  # type: ignore[attr-defined]
+
+
+def _is_number(value: ast.expr) -> bool:
+    try:
+        found = ast.literal_eval(value)
+    except ValueError:
+        return isinstance(value, ast.BinOp | ast.UnaryOp)
+    parts = found if isinstance(found, tuple) and found else (found,)
+    return all(isinstance(p, int | float) and not isinstance(p, bool) for p in parts)
 
 
 def state_attributes(value: Any, seen: set[int]) -> int:
@@ -124,23 +131,70 @@ class Drive:
             )
 
 
-def main() -> None:
-    """Print the table."""
-    rows = [(f"lines of {name}", lines(name), most) for name, most in LINES.items()]
-    rows.append(
-        ("files of kmpc_lite/control", len(tracked("kmpc_lite/control/*.py")), CONTROL_FILES)
-    )
-    options = list(leaves(ControllerOptions))
-    rows.append(("options", len(options), OPTIONS))
+def measure() -> dict[str, int]:
+    """All counts, by their names in the file of limits."""
+    folders = ("kmpc_lite", "kmpc_lite/control", "firmware_bridge", "lab", "tests")
+    counts = {f"lines of {folder}": lines(f"{folder}/*.py") for folder in folders}
+    counts["lines of C"] = lines("kmpc_lite/*.c") + lines("kmpc_lite/*.h")
+    for folder in folders[:-1]:
+        counts[f"files of {folder}"] = len(tracked(f"{folder}/*.py"))
+    for folder in folders[:2]:
+        counts[f"numbers of {folder}"] = numbers(f"{folder}/*.py")
     drive = Drive()
-    rows.append((f"functions reached in {STEPS} steps", functions_reached(drive), FUNCTIONS))
-    rows.append(("attributes of the state", state_attributes(drive.controller.state, set()), 0))
-    words = sum(len(path.read_text().split()) for path in tracked("docs/*.md"))
-    rows.append(("words of docs", words, WORDS))
-    for name, found, most in rows:
-        budget = f"of {most:,}" + ("" if found <= most else "  (exceeded)") if most else ""
-        sys.stdout.write(f"{name:36}{found:>9,}  {budget}\n")
+    counts[f"functions reached in {STEPS} steps"] = functions_reached(drive)
+    counts["attributes of the state"] = state_attributes(drive.controller.state, set())
+    counts["words of docs"] = sum(len(path.read_text().split()) for path in tracked("docs/*.md"))
+    return counts
+
+
+def complaints(
+    counts: Mapping[str, int], limits: Mapping[str, int], before: Mapping[str, int]
+) -> list[str]:
+    """What does not hold: counts and limits by name, and the limits of commits before."""
+    found = []
+    if counts.keys() != limits.keys():
+        named = ", ".join(sorted(counts.keys() ^ limits.keys()))
+        found.append(f"counts without a limit, or limits of nothing: {named}")
+    for name in counts.keys() & limits.keys():
+        count, limit = counts[name], limits[name]
+        if count > limit:
+            found.append(
+                f"{name}: at most {limit:,}, got {count:,}: find as many in the room itself"
+            )
+        elif count < (1.0 - SLACK) * limit:
+            found.append(f"{name}: {count:,} are 2 % below {limit:,}: lower the limit")
+    found += [
+        f"{name}: the limit rose from {before[name]:,} to {limit:,}: limits only go down"
+        for name, limit in limits.items()
+        if limit > before.get(name, limit)
+    ]
+    return found
+
+
+def committed() -> dict[str, int]:
+    """Limits of the last two commits that set any, the lower of each; none where there were none."""
+    name = str(LIMITS.relative_to(ROOT))
+    told: list[dict[str, int]] = []
+    for commit in _git("log", "-2", "--format=%H", "--", name).split():
+        told.append(tomllib.loads(_git("show", f"{commit}:{name}"))["limits"])
+    return {key: min(t[key] for t in told if key in t) for t in told for key in t}
+
+
+def _git(*words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def main() -> int:
+    """Print the table; 1 if something does not hold."""
+    counts, limits = measure(), tomllib.loads(LIMITS.read_text())["limits"]
+    wrong = complaints(counts, limits, committed())
+    for name, count in counts.items():
+        sys.stdout.write(f"{name:36}{count:>9,}  of {limits.get(name, 0):,}\n")
+    for line in wrong:
+        sys.stderr.write(f"budgets: {line}\n")
+    return 1 if wrong else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -21,6 +21,8 @@ LEAST_CELL = 1e-4
 """Least side of a cell [m]: no sensor sees finer."""
 
 
+USUAL_THRESHOLD = 65.0
+"""map_server's, of 100."""
 DOUBTFUL = 50.0
 """Of 100: a cell that is as likely occupied as free, or likelier, is not known to be free."""
 
@@ -41,7 +43,8 @@ class OccupancyGrid:
     origin : array_like
         x, y [m] of the grid's corner at ``data[0, 0]``, and its heading [rad], (2,) or (3,).
     threshold : float
-        A cell with this value or more is occupied; one from 50 up to it is unknown.
+        A cell with this value or more is occupied. Where it is not given, one from 50 up to it is
+        unknown; costmaps give their own, 99 or 100.
     unknown_is_free : bool
         Whether the robot may drive if nothing is known; it warns where a cell has 50 or more.
     limits : ObstacleOptions
@@ -64,7 +67,7 @@ class OccupancyGrid:
         data: ArrayLike,
         resolution: float,
         origin: ArrayLike = (0.0, 0.0, 0.0),
-        threshold: float = 65.0,
+        threshold: float = USUAL_THRESHOLD,
         unknown_is_free: bool = False,
         limits: ObstacleOptions = USUAL_OBSTACLES,
     ) -> None:
@@ -105,7 +108,8 @@ class OccupancyGrid:
         self.resolution = float(resolution)
         x, y, *heading = map(float, place)
         self.origin = (x, y, heading[0] if heading else 0.0)
-        doubtful = (cells >= DOUBTFUL) & (cells < threshold)
+        usual = threshold == USUAL_THRESHOLD
+        doubtful = (cells >= DOUBTFUL) & (cells < threshold) & usual
         if unknown_is_free and doubtful.any():
             warnings.warn(
                 f"grid: {np.count_nonzero(doubtful):,} cells from {DOUBTFUL:g} to below "
