@@ -172,7 +172,7 @@ def complaints(
 
 
 def committed() -> dict[str, int]:
-    """Limits of the last two commits that set any, the lower of each; none where there were none."""
+    """Limits of the last two commits that set any, the lower of each."""
     name = str(LIMITS.relative_to(ROOT))
     told: list[dict[str, int]] = []
     for commit in _git("log", "-2", "--format=%H", "--", name).split():
