@@ -1,11 +1,11 @@
-"""What `kmpc run --live` and `--foxglove` show: what loop and planner left last, as plain data."""
+"""What `kmpc run --live` shows: what loop and planner left last, as plain data."""
 
 from __future__ import annotations
 
 import math
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
 from firmware_bridge.cli.planning import laser_scan
@@ -13,13 +13,10 @@ from firmware_bridge.safety.gate_table import DRIVING, Reason
 
 if TYPE_CHECKING:
     from firmware_bridge.cli.course import Course
-    from firmware_bridge.cli.live_options import Views
+    from firmware_bridge.live.address import LiveAddress
     from firmware_bridge.live.channel import Packet
-    from firmware_bridge.live.feed import Feed
     from firmware_bridge.live.moment import LastStep
-    from firmware_bridge.live.viewer import Shown
     from firmware_bridge.messages import LinkStatus
-    from firmware_bridge.recording.drive.records import Record
     from firmware_bridge.runtime.session import Session
     from firmware_bridge.runtime.timing import Histogram
 
@@ -31,23 +28,20 @@ NEVER = 1e3
 
 
 class Showing:
-    """Where one run is shown: a page, Foxglove, or both.
+    """The page on which one run is shown.
 
     Parameters
     ----------
-    views : Views
-        What is asked for; ports are taken at once.
+    page : LiveAddress
+        Where; its port is taken at once.
     socket : path
         Of the bridge's emergency stop.
     """
 
-    def __init__(self, views: Views, socket: Any) -> None:
-        self._feed: Feed | None = None
-        if views.page is not None:
-            from firmware_bridge.live.feed import Feed
+    def __init__(self, page: LiveAddress, socket: Any) -> None:
+        from firmware_bridge.live.feed import Feed
 
-            self._feed = Feed(views.page, MODULE, {"socket": str(socket)}, self.hear)
-        self._viewer = views.viewer
+        self._feed = Feed(page, MODULE, {"socket": str(socket)}, self.hear)
         self.job: Course | None = None
         """What is driven, once it is known."""
         self._heard = ("", "")
@@ -59,28 +53,23 @@ class Showing:
         """Begin to serve, and print the links."""
         from firmware_bridge.live.feed import tell_links
 
-        self._stack = ExitStack()
-        for view in (self._feed, self._viewer):
-            if view is not None:
-                self._stack.enter_context(view)
-        tell_links(self.links())
+        self._feed.__enter__()
+        tell_links(self._feed.links)
         return self
 
     def __exit__(self, *error: object) -> None:
         """Serve no more; say what went wrong meanwhile."""
-        self._stack.close()
+        self._feed.__exit__(*error)
         for problem in self.problems():
             sys.stderr.write(f"kmpc: {problem}\n")
 
     def problems(self) -> list[str]:
         """Why something is shown no more, in words."""
-        views = [view for view in (self._feed, self._viewer) if view is not None]
-        return [view.problem for view in views if view.problem]
+        return [self._feed.problem] if self._feed.problem else []
 
     def links(self) -> list[str]:
         """Links to open."""
-        found = [] if self._feed is None else list(self._feed.links)
-        return found if self._viewer is None else [*found, self._viewer.link]
+        return list(self._feed.links)
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""
@@ -110,38 +99,16 @@ class Showing:
         from firmware_bridge.live.moment import map_packet
 
         link, scenario = session.robot.link, job.scenario
-        if self._feed is not None:
-            title = f"{scenario.name}: {link.driver} {link.url}"
-            route = job.navigator.route
-            shown = {**map_packet(scenario, title), "clicks": route.clicked}
-            shown["goal"] = None if route.idle else shown["goal"]
-            self._feed.start(lambda: self.packet(session), shown)
-        if self._viewer is not None:
-            from firmware_bridge.live.viewer import Shown
-
-            last = Shown()
-            self._viewer.start(scenario, job.period, lambda: self.records(session, last))
+        title = f"{scenario.name}: {link.driver} {link.url}"
+        route = job.navigator.route
+        shown = {**map_packet(scenario, title), "clicks": route.clicked}
+        shown["goal"] = None if route.idle else shown["goal"]
+        self._feed.start(lambda: self.packet(session), shown)
         yield
         from firmware_bridge.runtime.drive import ending
 
         ended = ending(job.navigator, session)
-        if self._feed is not None:
-            self._feed.say({**self.packet(session), "over": ended["ended"] or ended["outcome"]})
-
-    def records(self, session: Session, last: Shown) -> list[Record]:
-        """Give what is new, for Foxglove."""
-        shot = session.loop.snapshot
-        if shot is None:
-            return []
-        output, state, status = shot.output, shot.state, shot.status
-        return last.records(
-            shot.now,
-            self._last,
-            None if state is None else (state.x, state.y, state.theta),
-            (output.v, output.omega),
-            (output.state.name, tuple(reason.value for reason in output.reasons)),
-            lambda: {"link": _link(status, shot.now), "faults": list(status.faults)},
-        )
+        self._feed.say({**self.packet(session), "over": ended["ended"] or ended["outcome"]})
 
     def packet(self, session: Session) -> Packet:
         """Give what is true now; reads references that others replace, and never waits."""

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, NamedTuple
-
-from kmpc_lite.cli.extras import need
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from firmware_bridge.live.address import LiveAddress
-    from firmware_bridge.live.viewer import Viewer
 
 LAST_PORT = 65535
-HOST, PORT, VIEWER_PORT = "127.0.0.1", 8764, 8765
+HOST, PORT = "127.0.0.1", 8764
 """As `firmware_bridge.live` has them: a help need not wait for that."""
 
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
-    """Add what `asked_views` reads."""
+    """Add what `live_address` reads."""
     add = parser.add_argument_group("watch and stop it in a browser").add_argument
     add(
         "--live",
@@ -37,15 +34,6 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
         help="--live at this address, 0.0.0.0 for all: other computers and phones of the network\n"
         f"then need the token in the link (default: {HOST})",
     )
-    add(
-        "--foxglove",
-        type=port,
-        nargs="?",
-        const=VIEWER_PORT,
-        metavar="PORT",
-        help="show the drive to Foxglove on this computer: open a connection to\n"
-        f"ws://{HOST}:{VIEWER_PORT} (extra live)",
-    )
 
 
 def port(text: str) -> int:
@@ -53,29 +41,6 @@ def port(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= LAST_PORT):
         raise argparse.ArgumentTypeError(f"expected a port from 0 to {LAST_PORT}, got {text}")
     return int(text)
-
-
-class Views(NamedTuple):
-    """Where a drive is shown."""
-
-    page: LiveAddress | None
-    viewer: Viewer | None
-
-
-def asked_views(options: argparse.Namespace) -> Views:
-    """Give what a command line asks for.
-
-    Raises
-    ------
-    MissingExtra, LiveError
-        Where Foxglove cannot be served.
-    """
-    if options.foxglove is None:
-        return Views(live_address(options), None)
-    need("--foxglove", "foxglove")
-    from firmware_bridge.live.viewer import Viewer
-
-    return Views(live_address(options), Viewer(options.foxglove))
 
 
 def live_address(options: argparse.Namespace) -> LiveAddress | None:

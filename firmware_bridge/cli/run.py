@@ -9,7 +9,7 @@ from functools import partial
 
 from firmware_bridge.cli.course import DRIVE_TIME, Course, course
 from firmware_bridge.cli.live import Showing
-from firmware_bridge.cli.live_options import add_live_options, asked_views
+from firmware_bridge.cli.live_options import add_live_options, live_address
 from firmware_bridge.cli.options import (
     add_course_options,
     add_drive_options,
@@ -84,12 +84,12 @@ def run(options: argparse.Namespace) -> int:
     from firmware_bridge.runtime.drive import run as drive
 
     options.set, tuning = split_settings(options.set, SECTIONS)
-    robot, views = read_robot(options), asked_views(options)
-    if options.click and views.page is None:
+    robot, page = read_robot(options), live_address(options)
+    if options.click and page is None:
         raise ConfigError("--click: goals come from the live page: give --live, too")
     showing = None
-    if views != (None, None):
-        showing = Showing(views, robot.socket or default_socket())
+    if page is not None:
+        showing = Showing(page, robot.socket or default_socket())
     saw = None if showing is None else showing.saw
     rehearse, told = advice(robot, options.rehearse)
     job = course(

@@ -13,7 +13,6 @@ EXTRAS = {
     "PIL": PLOT,
     "casadi": "kmpc-lab[peers]",
     "jinja2": PLOT,
-    "foxglove": "kmpc-lite[live]",
     "matplotlib": PLOT,
     "mujoco": "kmpc-lab[twin]",
     "pymavlink": BRIDGE,

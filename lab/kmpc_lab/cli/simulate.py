@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import kmpc_lite as kl
-from firmware_bridge.cli.live_options import Views, add_live_options, asked_views
+from firmware_bridge.cli.live_options import add_live_options, live_address
 from kmpc_lab.cli.scenario import DEFAULT, add_scenario_options, read_scenario
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
@@ -20,6 +20,7 @@ from kmpc_lite.cli.output import command_line
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
+    from firmware_bridge.live.address import LiveAddress
     from kmpc_lab.recording.simulated import SimulationRecorder
     from kmpc_lab.sim.closed_loop import Run
     from kmpc_lite.scenario.files import Scenario
@@ -112,11 +113,11 @@ def run(options: argparse.Namespace) -> int:
     if options.plant is None:
         options.plant = "learned" if options.model and options.slip is None else "slip"
     adaptation = False if options.no_adaptation else None
-    views = asked_views(options)
+    page = live_address(options)
     base = kl.NavigationProblem(horizon=options.horizon, dt=model.dt)
     base = _limited(base, options.max_speed, model.info.get("driven"), str(options.model))
     drive, recorder = simulate(
-        model, scenario, options.plant, base, options.iterations, adaptation, views
+        model, scenario, options.plant, base, options.iterations, adaptation, page
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
@@ -143,11 +144,11 @@ def simulate(
     base: kl.NavigationProblem,
     iterations: int | None,
     adaptation: bool | None = None,
-    views: Views | None = None,
+    page: LiveAddress | None = None,
 ) -> tuple[Run, SimulationRecorder]:
     """Drive one scenario with our controller; watched by a recorder.
 
-    `base` says what the scenario does not: period, horizon, speeds. With `views` it drives in real
+    `base` says what the scenario does not: period, horizon, speeds. With `page` it drives in real
     time, for viewers.
     """
     from kmpc_lab.recording.simulated import SimulationRecorder
@@ -177,13 +178,13 @@ def simulate(
         from kmpc_lab.sim.lidar import Lidar
 
         lidar = Lidar(scenario, scenario.lidar)
-    if views is None or views == (None, None):
+    if page is None:
         run = drive(controller, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
         return run, recorder
     from kmpc_lab.recording.watched import WatchedController, shown
 
     watched = WatchedController(controller)
-    with shown(watched, scenario, views.page, views.viewer) as tell:
+    with shown(watched, scenario, page) as tell:
         run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
         tell(run.info.get("ended") or f"{run.outcome.value} after {run.duration:.2f} s")
     return run, recorder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike
 from firmware_bridge.live.channel import Packet
 from firmware_bridge.live.feed import Feed, tell_links
 from firmware_bridge.live.moment import LastStep, last_step, map_packet, plan_packet
-from firmware_bridge.live.viewer import Shown, Viewer
-from firmware_bridge.recording.drive.records import Record
 from firmware_bridge.recording.drive.seen import scan_among
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
@@ -64,7 +62,6 @@ class WatchedController:
         self.latched = False
         """Whether a stop is pressed."""
         self._enabled = True
-        self._shown = Shown()
 
     def hear(self, word: str) -> None:
         """Carry out a button of the page, as a bridge does: stop, reset or enable."""
@@ -115,13 +112,6 @@ class WatchedController:
             },
         }
 
-    def records(self) -> list[Record]:
-        """Give what is new, for Foxglove."""
-        step, gate = self._last, self.packet()["gate"]
-        v, omega = self._command.tolist()
-        pose = None if step is None else step.pose
-        return self._shown.records(time.monotonic(), step, pose, (v, omega), (gate, ()), dict)
-
     def _braked(self, dt: float) -> Array:
         """Command of the coming period on the way to a standstill."""
         fall = np.asarray(self._controller.problem.deceleration, dtype=float) * dt
@@ -141,24 +131,19 @@ def shown(
     watched: WatchedController,
     scenario: Scenario,
     page: LiveAddress | None,
-    viewer: Viewer | None,
 ) -> Iterator[Callable[[str], None]]:
-    """Show a simulated drive on a page and to Foxglove while the context lasts.
+    """Show a simulated drive on a page while the context lasts.
 
     It gives what tells the page how the drive ended.
     """
-    with ExitStack() as stack:
-        if page is not None:
-            feed = stack.enter_context(Feed(page, "firmware_bridge.live", on_word=watched.hear))
-            tell_links(feed.links)
-            feed.start(watched.packet, map_packet(scenario, f"simulation of {scenario.name}"))
-        if viewer is not None:
-            stack.enter_context(viewer)
-            tell_links([viewer.link])
-            viewer.start(scenario, watched.period, watched.records)
+    if page is None:
+        yield lambda outcome: None
+        return
+    with Feed(page, "firmware_bridge.live", on_word=watched.hear) as feed:
+        tell_links(feed.links)
+        feed.start(watched.packet, map_packet(scenario, f"simulation of {scenario.name}"))
 
         def over(outcome: str) -> None:
-            if page is not None:
-                feed.say({**watched.packet(), "over": outcome})
+            feed.say({**watched.packet(), "over": outcome})
 
         yield over
