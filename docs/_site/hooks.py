@@ -1,7 +1,7 @@
-"""What the site prints from the code: help of commands, purposes of files, and examples.
+"""What the site prints from the code: help of commands, boards and examples.
 
 mkdocs calls `on_page_markdown` for every page. A page asks with a comment of its own line:
-``<!-- help: kmpc -->``, ``<!-- files: kmpc_lite -->``, ``<!-- example: gallery/car -->`` or
+``<!-- help: kmpc -->``, ``<!-- example: gallery/car -->`` or
 ``<!-- boards: results/boards -->``. Mermaid blocks become SVG, so that the site needs no network;
 GitHub draws them by itself. Sections between ``<!-- tabs -->`` and ``<!-- /tabs -->`` become tabs;
 GitHub shows them one below the other.
@@ -9,7 +9,6 @@ GitHub shows them one below the other.
 
 from __future__ import annotations
 
-import ast
 import logging
 import os
 import re
@@ -24,7 +23,7 @@ from state_diagram import draw
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {"kmpc": "kmpc_lite.cli.main"}
-MARK = re.compile(r"^<!-- (help|files|example|boards): ([\w/-]+) -->$", re.MULTILINE)
+MARK = re.compile(r"^<!-- (help|example|boards): ([\w/-]+) -->$", re.MULTILINE)
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TABS = re.compile(r"^<!-- tabs -->$(.*?)^<!-- /tabs -->$", re.MULTILINE | re.DOTALL)
 SECTION = re.compile(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -37,7 +36,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace the marks and diagrams of a page."""
     markdown = MERMAID.sub(lambda block: draw(block[1]), markdown)
     markdown = TABS.sub(lambda tabs: SECTION.sub(r"/// tab | \1\n\2///\n\n", tabs[1]), markdown)
-    shown = {"help": help_texts, "files": file_table, "example": program, "boards": boards}
+    shown = {"help": help_texts, "example": program, "boards": boards}
     return MARK.sub(lambda mark: shown[mark[1]](mark[2]), markdown)
 
 
@@ -104,30 +103,3 @@ def boards(folder: str) -> str:
 
     files = sorted((ROOT / "docs" / folder).glob("*.json"))
     return format_boards([read_board(file) for file in files]) if files else NO_BOARD
-
-
-def file_table(package: str) -> str:
-    """Give a table for each folder of a package: its files and the first line of each docstring."""
-    parts = []
-    root = ROOT / "lab" if package == "kmpc_lab" else ROOT
-    for folder in sorted({file.parent for file in (root / package).rglob("*.py")}):
-        name = folder.relative_to(ROOT)
-        rows = [
-            f"## `{name}/`\n",
-            summary(folder / "__init__.py"),
-            "",
-            "| File | Purpose |",
-            "|---|---|",
-        ]
-        files = [file for file in sorted(folder.glob("*.py")) if not file.name.startswith("__")]
-        rows += [f"| `{file.name}` | {summary(file)} |" for file in files]
-        parts.append("\n".join(rows if files else rows[:2]))
-    return "\n\n".join(parts)
-
-
-def summary(file: Path) -> str:
-    """Give the first line of a file's docstring."""
-    docstring = (
-        ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) if file.exists() else ""
-    )
-    return (docstring or "").split("\n")[0].replace("|", "\\|").replace("``", "`")
