@@ -1,4 +1,4 @@
-"""Habits that a machine can hold: short files, short functions, and no circle of imports.
+"""Habits that a machine can hold: files of one concept, short functions, and no circle of imports.
 
 Ruff holds the others: lines of 100 columns, functions of 12 branches.
 """
@@ -12,7 +12,7 @@ FILES = sorted(
     for room in ("kmpc_lite", "firmware_bridge", "lab/kmpc_lab")
     for path in (ROOT / room).rglob("*.py")
 )
-LINES, FUNCTION = 300, 60
+LINES, FUNCTION = 500, 60
 REASON = "# long: "
 """Stands beside the `def` of a function that is longer for a reason, with the reason."""
 LONG_FILES: dict[str, int] = {}

@@ -19,6 +19,8 @@ from kmpc_lite.types import INPUTS, STATES, Array
 LARGEST_DRIFT = 0.6
 """Sideways drift as a share of the speed, a crab angle of 31 degrees: a floor that slopes or slips
 more makes the robot undrivable."""
+STEERED_GAINS = (0.8, 1.25)
+"""Gains of steered wheels beyond which a lag is taken for a gain."""
 LARGEST_PULL = 0.3
 """Turn to one side per radius driven [rad]: a flat tyre gives a tenth."""
 
@@ -93,3 +95,15 @@ def refuse(gains: Gains, options: AdaptationOptions, length: float) -> Refusal |
     if not abs(gains.pull) * UNIT_RADIUS * length < LARGEST_PULL:
         return Refusal(f"it pulls to one side by {gains.pull:.2g} rad/m")
     return None
+
+
+def lag_taken_for_gain(gains: Gains) -> str:
+    """Say why gains of steered wheels are a lag's; empty if they are not."""
+    least, most = STEERED_GAINS
+    for name, gain in (("ahead", gains.ahead), ("turn", gains.turn)):
+        if not least <= gain <= most:
+            return (
+                f"adaptation ended: a gain {name} of {gain:.2f} of the learned one is beyond "
+                f"{least:g} to {most:g}; steering or motor lag more than the model says"
+            )
+    return ""

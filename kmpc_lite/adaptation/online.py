@@ -6,8 +6,6 @@ What changes under a robot changes few numbers: how far it comes per command, ho
 sideways, how much of a turn happens, and whether it pulls to one side. So four gains on the learned
 model are adapted, not its 18 coefficients. In the robot's frame the first two have one and the same
 information, so that no straight drive can upset the turns. An omni has a fifth, of speeds sideways.
-After a slip of 0.2 and a turn gain of 0.6, 20 steps of them predict within 1.09 times a fresh fit's
-error (median; worst of 12 drives 1.35); all coefficients, fitted to them, need 400 for 1.23 (1.94).
 
 It has a folder of its own because the controller runs it, and `control` must not import `learn`.
 """
@@ -20,7 +18,12 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.adapted_model import Refusal, adapted_model, refuse
+from kmpc_lite.adaptation.adapted_model import (
+    Refusal,
+    adapted_model,
+    lag_taken_for_gain,
+    refuse,
+)
 from kmpc_lite.adaptation.gains import (
     Estimate,
     contradiction,
@@ -47,8 +50,6 @@ CONFIRMATION = 20.0
 slow steps would count too much if poses are noisier than in the log."""
 WORSE = 1.1
 """The learned model returns if the adapted one's squared errors are this many times its own."""
-STEERED_GAINS = (0.8, 1.25)
-"""Gains of steered wheels beyond which adaptation ends: it has taken a lag for a gain."""
 REFUSALS = 2
 """Times in a row that gains which no floor can cause make the model another robot's."""
 BACK_AND_FORTH = 0.5
@@ -83,7 +84,7 @@ class OnlineAdaptation:
     scale : Scale, optional
         The robot's units; those of a robot of 0.15 m and 0.6 m/s if not given.
     steered : bool
-        Whether wheels are steered: gains beyond `STEERED_GAINS` then end the adaptation, the
+        Whether wheels are steered: gains beyond 0.8 to 1.25 then end the adaptation, the
         learned model returns, and `ended` says why.
 
     Raises
@@ -283,15 +284,10 @@ class OnlineAdaptation:
             self._refuse(gains, refusal)
             return None
         state = self.state
-        least, most = STEERED_GAINS
-        for name in ("ahead", "turn") if self.steered else ():
-            if not least <= (gain := getattr(gains, name)) <= most:
-                state.ended = (
-                    f"adaptation ended: a gain {name} of {gain:.2f} of the learned one is beyond "
-                    f"{least:g} to {most:g}; steering or motor lag more than the model says"
-                )
-                LOG.warning("%s", state.ended)
-                return self._return_to_base()
+        if self.steered and (lag := lag_taken_for_gain(gains)):
+            state.ended = lag
+            LOG.warning("%s", state.ended)
+            return self._return_to_base()
         state.gains, state.refusals = gains, 0
         state.errors, state.judged = (0.0, 0.0), 0
         state.counts.models += 1

@@ -7,6 +7,7 @@ import warnings
 from copy import copy
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,34 +78,10 @@ class OccupancyGrid:
             raise ProblemError(
                 f"grid: expected cells (height, width) and an origin x, y, yaw: {error}"
             ) from error
-        if cells.size > limits.grid_cells:
-            raise ProblemError(
-                f"grid: expected at most {limits.grid_cells:,} cells, got {cells.size:,}: "
-                "make them larger"
-            )
-        if cells.ndim != 2 or not cells.size or cells.dtype.kind not in "biuf":
-            raise ProblemError(
-                f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
-            )
+        cells = _checked(cells, threshold, limits)
         _check_resolution(resolution)
         if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
             raise ProblemError(f"grid: expected a finite origin x, y, yaw, got {place.tolist()}")
-        if not 0.0 < threshold <= 100.0:
-            raise ProblemError(
-                f"grid: expected a threshold above 0 and up to 100, got {threshold!r}"
-            )
-        if cells.dtype.kind == "b":
-            cells = 100 * cells.astype(np.int8)
-        if not (cells.min() >= -1 and cells.max() <= 100):
-            raise ProblemError(
-                f"grid: expected values from -1 to 100, got {cells.min()} to {cells.max()}"
-            )
-        known = cells[cells >= 0]
-        if 0.0 < known.max(initial=0) <= 1.0 < threshold:
-            raise ProblemError(
-                "grid: expected 0 (free) to 100 (occupied), or booleans, got values from 0 to 1 "
-                "alone: give cells.astype(bool), or 100 times probabilities"
-            )
         self.resolution = float(resolution)
         x, y, *heading = map(float, place)
         self.origin = (x, y, heading[0] if heading else 0.0)
@@ -258,6 +235,34 @@ class OccupancyGrid:
         """Matrix (2, 2) that turns rows of the grid's frame into the map's."""
         cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
         return np.array([[cos, sin], [-sin, cos]])
+
+
+def _checked(cells: NDArray[Any], threshold: float, limits: ObstacleOptions) -> NDArray[Any]:
+    """Give cells of -1 to 100; ProblemError for any that cannot be meant as such."""
+    if cells.size > limits.grid_cells:
+        raise ProblemError(
+            f"grid: expected at most {limits.grid_cells:,} cells, got {cells.size:,}: "
+            "make them larger"
+        )
+    if cells.ndim != 2 or not cells.size or cells.dtype.kind not in "biuf":
+        raise ProblemError(
+            f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
+        )
+    if not 0.0 < threshold <= 100.0:
+        raise ProblemError(f"grid: expected a threshold above 0 and up to 100, got {threshold!r}")
+    if cells.dtype.kind == "b":
+        cells = 100 * cells.astype(np.int8)
+    if not (cells.min() >= -1 and cells.max() <= 100):
+        raise ProblemError(
+            f"grid: expected values from -1 to 100, got {cells.min()} to {cells.max()}"
+        )
+    known = cells[cells >= 0]
+    if 0.0 < known.max(initial=0) <= 1.0 < threshold:
+        raise ProblemError(
+            "grid: expected 0 (free) to 100 (occupied), or booleans, got values from 0 to 1 "
+            "alone: give cells.astype(bool), or 100 times probabilities"
+        )
+    return cells
 
 
 def _check_resolution(resolution: float) -> None:
