@@ -95,11 +95,6 @@ class RplidarAnswers:
         self.losses = 0
         """How often bytes were found to be missing, or wrong."""
 
-    @property
-    def streaming(self) -> bool:
-        """Whether nodes are expected."""
-        return self._streaming
-
     def reset(self) -> None:
         """Expect an answer, no nodes any more."""
         self._buffer.clear()

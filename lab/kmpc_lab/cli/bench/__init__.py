@@ -6,7 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from kmpc_lab.cli.bench.jobs import AGAINST, BESIDE, COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
+from kmpc_lab.cli.bench.jobs import BESIDE, COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
 from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
@@ -35,7 +35,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     for option, job in JOBS.items():
         what.add_argument(option, dest="job", action="store_const", const=option, help=job.text)
-    what.add_argument("--against", metavar="COMMIT", help=AGAINST.text)
     what.add_argument("--beside", nargs="+", type=Path, metavar="FILE", help=BESIDE.text)
     what.add_argument("--loop", type=positive, metavar="HZ", help=LOOP.text)
     add(
@@ -60,8 +59,6 @@ def run(options: argparse.Namespace) -> int:
         name, job = "--loop", LOOP
     elif options.beside:
         name, job = "--beside", BESIDE
-    elif options.against:
-        name, job = "--against", AGAINST
     who = " ".join(filter(None, ("kmpc bench", name)))
     refuse_unread("kmpc bench", who, options, SHARED, job.reads)
     if options.picture:
@@ -79,7 +76,6 @@ COMMAND = Command(
         "kmpc bench --cold",
         "kmpc bench --scaling",
         "kmpc bench --lidar --drives 12",
-        "kmpc bench --against v0.2.0 --drives 6",
         "kmpc bench --solvers",
         "kmpc bench --json > pi5.json           # on each board; then, anywhere:",
         "kmpc bench --beside pi5.json pc.json",

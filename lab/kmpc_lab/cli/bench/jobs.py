@@ -123,14 +123,6 @@ def _cold(options: argparse.Namespace) -> tuple[Any, str]:
     return told, format_cold(told)
 
 
-def _against(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.bench.against import against, format_against
-
-    bar = ProgressBar("against", quiet=options.json)
-    rows = against(options.against, _drives(options), _seed(options), progress=bar)
-    return rows, format_against(rows, options.against)
-
-
 def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.quality import as_dicts, compare, format_comparison
@@ -281,8 +273,3 @@ LOOP = Job(
     "run the control loop at this rate with the other cores busy",
 )
 BESIDE = Job(_beside, (), "show boards side by side: files that kmpc bench --json wrote on each")
-AGAINST = Job(
-    _against,
-    RECORDED,
-    "time this version and another commit of a checkout in turns, on the same inputs",
-)
