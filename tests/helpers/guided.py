@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -53,10 +52,3 @@ class GuideInUse:
         return self.guide.reference(
             self.state, self.known, GuideTask(pose, goal, things_of(circles), **more)
         )
-
-    def turn_about(self, centre: np.ndarray | None) -> None:
-        self.known = replace(self.known, turning_centre=centre)
-
-    def drive_at(self, ahead: float, back: float, turn: float) -> None:
-        forward, backward = np.array((ahead, 0.9 * turn)), np.array((back, 0.9 * turn))
-        self.known = replace(self.known, forward=forward, backward=backward)

@@ -136,17 +136,3 @@ def directions(n: int, slots: int, seed: int = 0) -> np.ndarray:
     """Unit vectors (n, slots, 2)."""
     angle = np.random.default_rng(seed).uniform(-np.pi, np.pi, (n, slots))
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-
-def drive_and_observe(
-    wary: Wary, model: kl.KoopmanModel, plant: kmpc_lab.DifferentialDrive, steps: int, seed: int = 0
-) -> np.ndarray:
-    """Inflations while a plant drives at random and a model predicts it."""
-    random, x, found = np.random.default_rng(seed), np.zeros(3), []
-    for _ in range(steps):
-        u = random.uniform(-0.6, 0.6, 2)
-        after = plant.step(x, u, 0.1)
-        wary.observe(after - model.predict(x, u), x[2], u)
-        found.append(wary.inflation)
-        x = np.append(random.uniform(-1.0, 1.0, 2), after[2] % 1.0)
-    return np.array(found)

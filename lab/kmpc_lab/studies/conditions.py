@@ -1,4 +1,4 @@
-"""Conditions of a study beside slip (lag, noise, old poses, floors), and the studies by name."""
+"""Conditions of a study beside slip (lag, noise, old poses), and the studies by name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.values import Floor
 
 POSE_NOISE = (0.005, 0.005, 0.02)
 """Of a good motion capture or lidar [m, m, rad]."""
@@ -40,10 +39,6 @@ class Condition:
     """Of driving, and of the log [m, m, rad]."""
     pose_age: float = 0.0
     """While driving; poses of a log have stamps [s]."""
-    turning_point: tuple[float, float] = (0.0, 0.0)
-    """Where the robot turns on the spot, as seen from its pose: ahead, left [m]."""
-    floors: tuple[Floor, ...] = ()
-    """What the floor becomes while driving; the log knows nothing of it."""
 
     def apply(self, scenario: Scenario) -> Scenario:
         """Return the scenario under this condition."""
@@ -61,14 +56,12 @@ class Condition:
             dead_time=self.dead_time,
             pose_noise=self.pose_noise,
             pose_age=self.pose_age,
-            turning_point=self.turning_point,
-            floors=self.floors,
         )
 
     @property
     def log(self) -> Condition:
         """What of it a log shows: conditions with the same log share a model."""
-        return replace(self, name="", pose_age=0.0, floors=())
+        return replace(self, name="", pose_age=0.0)
 
     def learn(self, slip: float, method: Method, episodes: int, steps: int) -> KoopmanModel:
         """Learn as the paper does where the robot only slips, else from a log of the robot.
@@ -78,11 +71,9 @@ class Condition:
         Half of such a log is for the fit, half for the margins' quantiles, as ``kmpc fit`` does
         with a real one.
         """
-        if not (self.lag or self.dead_time or any(self.pose_noise) or any(self.turning_point)):
+        if not (self.lag or self.dead_time or any(self.pose_noise)):
             return train(slip, method, episodes, steps)
-        plant = LaggingDrive(
-            self.lag, self.dead_time, slip, seed=TRAINING_SEED, turning_point=self.turning_point
-        )
+        plant = LaggingDrive(self.lag, self.dead_time, slip, seed=TRAINING_SEED)
         log = drive_log(
             plant,
             min(episodes, LOG_EPISODES),

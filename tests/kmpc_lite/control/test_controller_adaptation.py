@@ -4,7 +4,6 @@ Where the floor contradicts it, and nowhere else.
 """
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.options import MarginOptions
-from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.values import Floor
 
 DT = 0.1
@@ -161,28 +159,6 @@ def test_a_floor_that_changes_is_driven_with_a_model_of_it(
     np.testing.assert_allclose(again.states, run.states, atol=1e-6)
 
 
-@pytest.mark.parametrize("count", [8000, pytest.param(100_000, marks=pytest.mark.long)])
-def test_standing_still_changes_nothing(knowing: dict[float, kl.KoopmanModel], count: int) -> None:
-    """Not a bit of the model, for many noisy poses.
-
-    The commands are those of a robot that holds.
-    """
-    controller = kl.Controller(knowing[0.05])
-    adaptation = controller.adaptation
-    assert adaptation is not None
-    random = np.random.default_rng(0)
-    for _ in range(300):
-        assert controller.step(random.normal(size=3) * (0.002, 0.002, 0.008), np.zeros(3)).holding
-    before = controller.model
-    poses = random.normal(size=(count, 3)) * NOISE
-    assert all(adaptation.update(a, np.zeros(2), b) is None for a, b in pairwise(poses))
-    assert (
-        controller.model is before
-        and adaptation.model is knowing[0.05]
-        and adaptation.counts.used == 0
-    )
-
-
 @settings(max_examples=12, deadline=None)
 @given(
     slip=st.sampled_from([0.0, 0.05, 0.2]),
@@ -217,18 +193,6 @@ def test_a_good_model_is_never_made_worse(
     adaptation = controller.adaptation
     assert adaptation is not None and adaptation.counts.models == 0
     assert adaptation.model is knowing[slip]
-
-
-def test_four_circles_take_the_same_way_with_and_without_it(
-    knowing: dict[float, kl.KoopmanModel],
-) -> None:
-    """Where the model is good, adaptation is not to be felt: bit for bit."""
-    scenario = replace(Scenario.load("four_circles_1"), slip=0.05)
-    on, off = (
-        drive(kl.Controller(knowing[0.05], scenario.problem(), adaptation=a), scenario)
-        for a in (True, False)
-    )
-    np.testing.assert_array_equal(on.states, off.states)
 
 
 def test_a_log_without_noise_does_not_make_margins_blind(

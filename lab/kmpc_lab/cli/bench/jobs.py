@@ -135,19 +135,6 @@ def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     return as_dicts(compared), format_comparison(compared)
 
 
-def _settings(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.bench.drives import learned_model
-    from kmpc_lab.bench.measure import TUNING_SEED
-    from kmpc_lab.bench.settings import format_settings, settings_study
-    from kmpc_lab.peers.paper import papers_problem
-
-    model, problem = learned_model(), papers_problem()
-    drives = _record(options, model, problem, seed=TUNING_SEED)
-    bar = ProgressBar("settings", quiet=options.json)
-    rows = settings_study(model, problem, drives, progress=bar)
-    return rows, format_settings(rows)
-
-
 def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab import bench
     from kmpc_lab.bench.drives import learned_model
@@ -240,11 +227,6 @@ JOBS = {
         RECORDED,
         "time steps as a robot's caches find them: contenders in turns step by step, 10 ms of "
         "sleep before each; kernels in C and not, the exported controller, lidars, and peers",
-    ),
-    "--settings": Job(
-        _settings,
-        ("--drives",),
-        "repeat the study behind the solver's settings, on tuning drives",
     ),
     "--solvers": Job(
         _solvers,
