@@ -89,7 +89,7 @@ BOARDS = {
         BoardEntry(
             "onboard",
             "Onboard",
-            "firmware_bridge.drivers.onboard.driver:OnboardDriver",
+            "firmware_bridge.drivers.onboard:OnboardDriver",
             encoders=False,
         ),
     )

@@ -189,7 +189,7 @@ def model_numbers(
 ) -> dict[str, Array]:
     """Numbers of another model for a board whose controller was exported; arguments as there.
 
-    `firmware_bridge.drivers.onboard.messages.model` makes a message of them.
+    `firmware_bridge.drivers.onboard.model` makes a message of them.
 
     Raises
     ------

@@ -4,7 +4,7 @@
  * byte first; COBS removes its zeros, and a zero ends it. Numbers are little-endian; a float is an
  * IEEE 754 single. The host reckons the robot's time from what it is told, so that what waited on
  * the line is old when it comes. Whatever else comes is counted and passed over. The Python twin is
- * `firmware_bridge.drivers.onboard.messages`.
+ * `firmware_bridge.drivers.onboard`.
  */
 #ifndef KMPC_MESSAGES_H
 #define KMPC_MESSAGES_H

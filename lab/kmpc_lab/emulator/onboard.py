@@ -9,14 +9,14 @@ import math
 import struct
 from typing import Unpack
 
-from firmware_bridge.drivers.onboard.driver import OnboardOptions
-from firmware_bridge.drivers.onboard.messages import (
+from firmware_bridge.drivers.onboard import (
     ABOUT,
     ESTOPPED,
     NO_POSE,
     STATE,
     VERSION,
     Kind,
+    OnboardOptions,
     decoder,
     message,
 )

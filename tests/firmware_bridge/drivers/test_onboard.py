@@ -17,8 +17,7 @@ from loopback import named_wire, serve_on
 from waiting import until
 
 import kmpc_lite as kl
-from firmware_bridge.drivers.onboard import OnboardDriver
-from firmware_bridge.drivers.onboard.messages import Kind, decoder, message
+from firmware_bridge.drivers.onboard import Kind, OnboardDriver, decoder, message
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError
 from kmpc_lab.emulator.onboard import OnboardEmulator

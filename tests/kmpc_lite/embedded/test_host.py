@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.drivers.onboard import messages as say
-from firmware_bridge.drivers.onboard.messages import About, Kind, Telemetry
+from firmware_bridge.drivers import onboard as say
+from firmware_bridge.drivers.onboard import About, Kind, Telemetry
 from kmpc_lite.embedded import model_numbers
 
 pytestmark = pytest.mark.skipif(
@@ -60,10 +60,10 @@ def everything(now, goal=(2.0, 0.0, 0.0)):
     """What has a robot drive at a time of its clock [ms]."""
     return {
         "heartbeat": say.heartbeat(7),
-        "pose": say.pose(0.0, 0.0, 0.0, (now - 10) / 1e3),
+        "pose": say.numbers(Kind.POSE, (0.0, 0.0, 0.0), (now - 10) / 1e3),
         "obstacles": say.rows(Kind.OBSTACLES, []),
         "path": say.rows(Kind.PATH, []),
-        "goal": say.message(Kind.GOAL, say.floats(goal)),
+        "goal": say.numbers(Kind.GOAL, goal),
     }
 
 
@@ -132,19 +132,19 @@ def test_an_emergency_stop_is_at_once_and_lasts(board):
     for _ in range(20):
         board.now += 20
         board.take(b"".join(everything(board.now).values()))
-        board.take(say.velocity(0.3, 0.0, board.now / 1e3))
+        board.take(say.numbers(Kind.VELOCITY, (0.3, 0.0), board.now / 1e3))
         assert board.tick() == (0.0, 0.0) and board.report().standing == "emergency stop"
     board.take(say.message(Kind.RELEASE))
     assert board.tick() == (0.0, 0.0) and board.report().standing == "no goal"
 
 
 def test_speeds_of_the_host_are_bounded_and_do_not_last(board):
-    board.take(say.velocity(9.0, -0.2, 0.0))
+    board.take(say.numbers(Kind.VELOCITY, (9.0, -0.2), 0.0))
     assert board.tick() == pytest.approx((0.6, -0.2))
     board.now += 251
     assert board.tick() == (0.0, 0.0)
     for wrong in ((np.nan, 0.0), (0.0, np.inf)):
-        board.take(say.velocity(*wrong, board.now / 1e3))
+        board.take(say.numbers(Kind.VELOCITY, wrong, board.now / 1e3))
         assert board.tick() == (0.0, 0.0)
 
 
@@ -154,14 +154,16 @@ def test_what_waited_on_the_line_is_old_when_it_comes(board):
         board.now += 10_000
         then = (board.now - waited) / 1e3
         board.take(say.message(Kind.RELEASE) + b"".join(everything(board.now).values()))
-        board.take(say.pose(0.0, 0.0, 0.0, then))
+        board.take(say.numbers(Kind.POSE, (0.0, 0.0, 0.0), then))
         assert (board.tick()[0] > 0.0) == moves
-        board.take(say.velocity(0.3, 0.0, (board.now - 1.1 * waited) / 1e3))
+        board.take(say.numbers(Kind.VELOCITY, (0.3, 0.0), (board.now - 1.1 * waited) / 1e3))
         assert (board.tick()[0] > 0.0) == moves
 
 
 def test_it_says_what_it_is_and_how_it_is(board):
-    board.take(say.message(Kind.ASK) + say.heartbeat(41) + say.pose(1.0, 2.0, 0.5, -0.03))
+    board.take(
+        say.message(Kind.ASK) + say.heartbeat(41) + say.numbers(Kind.POSE, (1.0, 2.0, 0.5), -0.03)
+    )
     about = board.report()
     assert isinstance(about, About)
     assert (about.horizon, about.history, about.circles, about.poses) == (8, 0, 24, 64)
