@@ -39,6 +39,8 @@ class Condition:
     """Of driving, and of the log [m, m, rad]."""
     pose_age: float = 0.0
     """While driving; poses of a log have stamps [s]."""
+    turning_point: tuple[float, float] = (0.0, 0.0)
+    """Where the robot turns on the spot, as seen from its pose: ahead, left [m]."""
 
     def apply(self, scenario: Scenario) -> Scenario:
         """Return the scenario under this condition."""
@@ -56,6 +58,7 @@ class Condition:
             dead_time=self.dead_time,
             pose_noise=self.pose_noise,
             pose_age=self.pose_age,
+            turning_point=self.turning_point,
         )
 
     @property
@@ -66,14 +69,14 @@ class Condition:
     def learn(self, slip: float, method: Method, episodes: int, steps: int) -> KoopmanModel:
         """Learn as the paper does where the robot only slips, else from a log of the robot.
 
-        Noisy or old poses call for a log, too.
-
         Half of such a log is for the fit, half for the margins' quantiles, as ``kmpc fit`` does
         with a real one.
         """
-        if not (self.lag or self.dead_time or any(self.pose_noise)):
+        if not (self.lag or self.dead_time or any((*self.pose_noise, *self.turning_point))):
             return train(slip, method, episodes, steps)
-        plant = LaggingDrive(self.lag, self.dead_time, slip, seed=TRAINING_SEED)
+        plant = LaggingDrive(
+            self.lag, self.dead_time, slip, seed=TRAINING_SEED, turning_point=self.turning_point
+        )
         log = drive_log(
             plant,
             min(episodes, LOG_EPISODES),
@@ -130,7 +133,6 @@ class MapsStudy:
     """Labels."""
     conditions: tuple[Condition, ...] = (PLAIN,)
     slips: tuple[float, ...] = LAMBDAS
-    trained_at: float | None = None
 
 
 STUDIES: Mapping[str, MapsStudy] = {

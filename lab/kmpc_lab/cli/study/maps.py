@@ -122,7 +122,7 @@ def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, b
         maps=options.maps,
         first_seed=first_seed(options),
         failures=options.failures,
-        trained_at=asked.trained_at if options.trained_at is None else options.trained_at,
+        trained_at=options.trained_at,
         conditions=asked.conditions,
     )
     rows = summarise(records)

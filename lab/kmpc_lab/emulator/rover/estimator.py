@@ -51,13 +51,11 @@ class Estimator:
         """x, y [m], theta [rad]."""
         self.broken = False
         """Set by a test: the filter has lost its position."""
-        self.poses_in = 0
         self._uptime, self._fed, self._ever = 0.0, -math.inf, False
 
     def vision(self, x: float, y: float, theta: float, uptime: float) -> None:
         """Take a pose from outside, where one is wanted."""
         if self._parameters.motion_capture and all(map(math.isfinite, (x, y, theta))):
-            self.poses_in += 1
             self._ever = self._ever or (uptime - self._fed <= FED and self.origin is not None)
             self._fed, self.pose = uptime, (x, y, theta)
 
