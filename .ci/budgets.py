@@ -63,7 +63,10 @@ def _is_number(value: ast.expr) -> bool:
     try:
         found = ast.literal_eval(value)
     except ValueError:
-        return isinstance(value, ast.BinOp | ast.UnaryOp)
+        # a sum of names may be a folder, or a union of types
+        inside = [n.value for n in ast.walk(value) if isinstance(n, ast.Constant)]
+        known = any(isinstance(n, int | float) for n in inside)
+        return isinstance(value, ast.UnaryOp) or (isinstance(value, ast.BinOp) and known)
     parts = found if isinstance(found, tuple) and found else (found,)
     return all(isinstance(p, int | float) and not isinstance(p, bool) for p in parts)
 
@@ -155,8 +158,8 @@ def complaints(
     if counts.keys() != limits.keys():
         named = ", ".join(sorted(counts.keys() ^ limits.keys()))
         found.append(f"counts without a limit, or limits of nothing: {named}")
-    for name in counts.keys() & limits.keys():
-        count, limit = counts[name], limits[name]
+    for name, count in counts.items():
+        limit = limits.get(name, count)
         if count > limit:
             found.append(
                 f"{name}: at most {limit:,}, got {count:,}: find as many in the room itself"

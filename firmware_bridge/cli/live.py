@@ -60,16 +60,8 @@ class Showing:
     def __exit__(self, *error: object) -> None:
         """Serve no more; say what went wrong meanwhile."""
         self._feed.__exit__(*error)
-        for problem in self.problems():
-            sys.stderr.write(f"kmpc: {problem}\n")
-
-    def problems(self) -> list[str]:
-        """Why something is shown no more, in words."""
-        return [self._feed.problem] if self._feed.problem else []
-
-    def links(self) -> list[str]:
-        """Links to open."""
-        return list(self._feed.links)
+        if self._feed.problem:
+            sys.stderr.write(f"kmpc: {self._feed.problem}\n")
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""

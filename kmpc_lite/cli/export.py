@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
     from kmpc_lite.control.problem import NavigationProblem
-    from kmpc_lite.control.wheels import Wheels
     from kmpc_lite.model.koopman import KoopmanModel
 
 NOMINAL = "nominal"
@@ -68,6 +66,8 @@ def _problem(options: argparse.Namespace, model: KoopmanModel) -> NavigationProb
     """The problem that a command line asks for, without an area."""
     from kmpc_lite.control.footprint import Footprint
     from kmpc_lite.control.problem import NavigationProblem
+    from kmpc_lite.control.wheels import Differential
+    from kmpc_lite.scenario.files import learned_wheels
 
     base = NavigationProblem(dt=model.dt)
     info, driven = model.info, model.info.get("driven", {})
@@ -83,16 +83,7 @@ def _problem(options: argparse.Namespace, model: KoopmanModel) -> NavigationProb
         u_min=(-v, -omega),
         u_max=(v, omega),
         du_max=base.du_max if change is None else (change, 4.0 * change),
-    ).with_wheels(_wheels(info))
-
-
-def _wheels(info: Mapping[str, Any]) -> Wheels:
-    """Wheels of the robot that a model was learned from."""
-    from kmpc_lite.control.wheels import read_wheels
-
-    told = info.get("wheels", {})
-    known = "turning_radius" in told or told.get("kind") == "omni"
-    return read_wheels(told) if known else read_wheels("differential")
+    ).with_wheels(learned_wheels(info) or Differential())
 
 
 COMMAND = Command(

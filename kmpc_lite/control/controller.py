@@ -143,13 +143,13 @@ class Controller:
         kernels = choose_kernels(compiled)
         self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
-        asked = adaptation, tightening is not None, problem, options.adaptation
-        self._seeks_lateness = settings_of.seeks_lateness(model, *asked[:2])
+        tightens, guides = tightening is not None, bool(guidance)
+        self._seeks_lateness = settings_of.seeks_lateness(model, adaptation, tightens)
+        asked = adaptation, tightens, problem, options.adaptation
         learns, model = settings_of.choose_adaptation(model, *asked), following(model, problem)
         self.adaptation = settings_of.adaptation_of(learns, model)
-        self.units = units = problem_in_units(problem, model, bool(guidance))
+        self.units = units = problem_in_units(problem, model, guides)
         self._pose_age = age = whole_age(pose_age, model) / scale.time
-        tightens, guides = tightening is not None, bool(guidance)
         self._examiner = Examiner(units, scale, options, tightens, guides, kernels)
         self._sqp = SQP(
             units,

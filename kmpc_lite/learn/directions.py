@@ -35,8 +35,8 @@ from kmpc_lite.types import INPUTS, Array
 
 AnyResponse = Response | AgedResponse
 ALONG, ACROSS, HEADING = range(3)
-NAMES = ("along", "across", "heading")
 """Rows of a model, and places of their moments in `Moments`."""
+NAMES = ("along", "across", "heading")
 NOMINAL = "nominal"
 """Name of the nominal robot, the step before the ladders."""
 

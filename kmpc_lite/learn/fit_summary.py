@@ -53,9 +53,9 @@ def _compared(report: FitReport, steady: bool) -> str:
     better = [(theirs / max(ours, 1e-12), name) for name, ours, theirs in pairs]
     best, where = max(better)
     least, lost = min(better)
-    gains = f"predicts {_times(best)} times better than nominal {where}"
+    gains = f"predicts {times(best)} times better than nominal {where}"
     if least * WORSE < 1.0:
-        losses = f"{_times(1.0 / max(least, 1e-12))} times worse {lost}"
+        losses = f"{times(1.0 / max(least, 1e-12))} times worse {lost}"
         if best > BETTER:
             return f"Mixed: {gains} but {losses}"
         return f"Poor: predicts {losses} than nominal"
@@ -66,7 +66,7 @@ def _compared(report: FitReport, steady: bool) -> str:
     return "As nominal: the log supports no better prediction; the nominal robot's model is written"
 
 
-def _times(ratio: float) -> str:
+def times(ratio: float) -> str:
     """A ratio in words."""
     return "over 1000" if ratio > 1e3 else f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:.0f}"
 

@@ -64,8 +64,8 @@ def fit(
         its speeds (`learn.ramps`): then the model is one of commands as they let them through, and
         the controller asks for no faster changes.
     whole : Dataset, optional
-        The log of which `dataset` is a part, lags and
-        terms are chosen on all of it, and fitted to `dataset`.
+        The log of which `dataset` is a part: lags and terms are chosen on all of it, and fitted to
+        `dataset`.
     stay : collection of int
         Directions, 0 along, 1 across, 2 in heading, that stay those of the nominal robot where lags
         are chosen.

@@ -16,7 +16,7 @@ from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import ACROSS, ALONG, HEADING, NAMES, NOMINAL
 from kmpc_lite.learn.evaluation import FitReport, evaluate
-from kmpc_lite.learn.fit_summary import BETTER, DIRECTIONS, WORSE, describe_fit
+from kmpc_lite.learn.fit_summary import BETTER, DIRECTIONS, WORSE, describe_fit, times
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
 from kmpc_lite.learn.provenance import describe_making
@@ -188,9 +188,8 @@ def _worst(
         if ratio <= BETTER and not lost.mean(axis=0)[which] > SURE * error[which]:
             continue  # by so little, and not surely
         if model.info["selection"]["directions"][NAMES[which]]["step"] != NOMINAL:
-            return {
-                which: f"{DIRECTIONS[which]} ({ratio:.2g} times worse on held-out rows as fitted)"
-            }
+            how = f"{times(ratio)} times worse on held-out rows as fitted"
+            return {which: f"{DIRECTIONS[which]} ({how})"}
     return {}
 
 

@@ -265,9 +265,8 @@ class Scenario:
         robot's.
         """
         told: dict[str, Any] = {}
-        wheels = info.get("wheels", {})
-        if self.wheels is None and ("turning_radius" in wheels or wheels.get("kind") == "omni"):
-            told["wheels"] = read_wheels(wheels)
+        if self.wheels is None and (wheels := learned_wheels(info)) is not None:
+            told["wheels"] = wheels
         if "footprint" in info:
             told["footprint"] = Footprint.of(info["footprint"])
         elif "radius" in info and self.footprint is None:
@@ -321,3 +320,10 @@ def _prepared(
     from kmpc_lite.control.world.solids import Solids
 
     return Solids(found)
+
+
+def learned_wheels(info: Mapping[str, Any]) -> Wheels | None:
+    """Wheels of the robot that a model was learned from; none if its `info` does not tell them."""
+    table = info.get("wheels", {})
+    told = "turning_radius" in table or table.get("kind") == "omni"
+    return read_wheels(table) if told else None

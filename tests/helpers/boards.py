@@ -26,8 +26,6 @@ TABLES = {
 }
 DRIVERS = {name: load(BOARDS[name].driver) for name in TABLES}
 EMULATORS = {name: load(FAR_ENDS[name]) for name in TABLES}
-WATCHDOG = {"roboclaw": 0.3, "roboteq": 0.3, "arduino": 0.3, "odrive": 0.3, "vesc": 1.0}
-"""How long each board drives on alone [s]."""
 
 
 def with_board(name, **options):

@@ -6,10 +6,8 @@ import numpy as np
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.rate_limit import RateLimit
 
 PROBLEM = kl.NavigationProblem()
-BRAKING = RateLimit(PROBLEM)
 
 
 def lagging() -> kl.KoopmanModel:
