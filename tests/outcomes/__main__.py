@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import statistics
 import subprocess
 import sys
 import time
@@ -97,6 +98,8 @@ def check(given: argparse.Namespace) -> int:
     table(ratios(pairs))
     if given.to:
         Path(given.to).write_text(to_text(lines.values(), note()), encoding="utf-8")
+    shares = [100.0 * line.result.chatter for line in lines.values()]
+    say(f"commands jump back in {statistics.median(shares or [0.0]):.1f} % of the steps (median)")
     say(f"{len(lines)} drives in {time.monotonic() - begun:.0f} s, {bad} complaints")
     return 1 if bad else 0
 
