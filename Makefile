@@ -25,7 +25,7 @@ $(VENV)/demo: $(VENV)/python pyproject.toml lab/pyproject.toml
 
 $(VENV)/dev: $(VENV)/python pyproject.toml lab/pyproject.toml
 	@echo "installing kmpc_lite with all that its tests need ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bridge,logs,ros2,docs,dev]' -e './lab[plot,twin,peers,cluster,clients]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bridge,logs,ros2-test,docs,dev]' -e './lab[plot,twin,peers,cluster,clients]'
 	@touch $@ $(VENV)/demo $(VENV)/docs
 
 $(VENV)/docs: $(VENV)/python pyproject.toml lab/pyproject.toml

@@ -1,22 +1,16 @@
 """Start the node: ros2 launch ./kmpc.launch.py model:=robot.npz radius:=0.2 v_max:=0.3."""
 
-import sys
-from pathlib import Path
-
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, ExecuteProcess
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
 
-DEFAULTS = {"model": "''", "radius": "0.2", "v_max": "0.3", "omega_max": "0.8"}
+DEFAULTS = {"model": "robot.npz", "radius": "0.2", "v_max": "0.3", "params": "kmpc.yaml"}
 
 
 def generate_launch_description():
-    node = Node(
-        executable=sys.executable,
-        arguments=[str(Path(__file__).parent / "kmpc_node.py")],
-        parameters=[{name: LaunchConfiguration(name) for name in DEFAULTS}],
-        output="screen",
-    )
     given = [DeclareLaunchArgument(name, default_value=text) for name, text in DEFAULTS.items()]
+    model, radius, v_max, params = (LaunchConfiguration(name) for name in DEFAULTS)
+    driving = ["--model", model, "--radius", radius, "--v-max", v_max]
+    ros = ["--ros-args", "--params-file", params]
+    node = ExecuteProcess(cmd=["kmpc", "ros2", *driving, *ros], output="screen")
     return LaunchDescription([*given, node])

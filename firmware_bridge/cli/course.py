@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from firmware_bridge.cli.planning import planning
+from firmware_bridge.cli.planning import Look, SeenGap, Watcher, planning
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
@@ -42,19 +41,20 @@ class Course(NamedTuple):
     scenario: Any
     controller: Any
     """kmpc_lite's."""
-    watchers: list[Callable[[Any, Any], None]]
-    """Receive each pose and plan, in the thread that plans."""
+    watchers: list[Watcher]
 
 
 def course(
     robot: Robot,
     settle: float,
     seconds: float | None,
-    watch: Callable[[Any, Any], None] | None = None,
+    watch: Watcher | None = None,
     wait: float | None = None,
     rehearse: bool = False,
     wishes: Wishes = NO_WISHES,
     click: bool = False,
+    look: Look | None = None,
+    planner: Any = None,
 ) -> Course:
     """Put a controller and a map before a robot.
 
@@ -76,51 +76,52 @@ def course(
         What counts instead of the scenario's own.
     click : bool
         Whether goals are clicked while it drives, instead of the scenario's.
+    look : Look, optional
+        What it sees, instead of its lidar. Without a geofence of its own it may drive everywhere.
+    planner : Planner, optional
+        Finds paths; kmpc_lite's own if not given.
 
     Raises
     ------
     ConfigError
         For a scenario or a model that cannot be used.
     """
-    import numpy as np
-
     import kmpc_lite as kl
     from firmware_bridge.runtime.navigator import Navigator, Task
     from firmware_bridge.runtime.route import Route
-    from kmpc_lite.scenario.gaps import obstacle_gaps
 
     if click and not wishes.goals and robot.control.scenario is None:
         wishes = wishes._replace(goals=(HERE,))
     scenario = scenario_of(robot, wishes)
+    if look is not None and robot.control.scenario is None:
+        fence = robot.gate.geofence
+        has_area, area = fence is not None, fence or scenario.bounds
+        scenario = replace(scenario, bounds=area, has_area=has_area)
     try:
         robot, learned, notes = load_model(robot, rehearse)
-        if robot.footprint is None:
+        if robot.footprint is None and wishes.radius is None:
             shape = {k: learned.info[k] for k in ("radius", "footprint") if k in learned.info}
             scenario = scenario.of_robot(shape)
-        controller = build_controller(robot, scenario, learned)
+        controller = build_controller(robot, scenario, learned, planner)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
-    if robot.gate.geofence is not None:
-        for goal in scenario.goals:
-            if wrong := beyond(robot, goal):
-                raise ConfigError(f"{scenario.name}: {wrong}")
-    else:
-        x_min, y_min, x_max, y_max = scenario.bounds
-        fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
-        robot = replace(robot, gate=replace(robot.gate, geofence=fence))
-
-    if robot.lidar is None and not robot.control.map:
+    robot = _fenced(robot, scenario, drawn=look is None)
+    if robot.lidar is None and look is None and not robot.control.map:
         raise ConfigError(f"{robot.where}: control.map: false needs a [lidar] (--lidar NAME)")
-    watchers = [] if watch is None else [watch]
+    watchers: list[Watcher] = [] if watch is None else [watch]
     route = Route(scenario.goals, scenario.loop, click)
-    step = planning(robot, scenario, controller, route, watchers)
+    gap_at: Any = partial(_gap, scenario)
+    if look is not None:
+        gap_at = SeenGap()
+        watchers.append(gap_at.saw)
+    step = planning(robot, scenario, controller, route, watchers, look)
     task = Task(
         scenario.goal,
         scenario.tolerance,
         scenario.heading_tolerance,
         scenario.radius,
         scenario.circles_at,
-        lambda pose, time: float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0]),
+        gap_at,
         partial(misplaced, scenario) if robot.control.map else None,
         route,
     )
@@ -129,6 +130,28 @@ def course(
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
     return Course(name, robot, navigator, period, own_frame(robot, scenario), notes, *made)
+
+
+def _gap(scenario: Any, pose: Pose, time: float) -> float:
+    """Distance of a robot at a pose and a time [s] to the nearest obstacle, between edges [m]."""
+    import numpy as np
+
+    from kmpc_lite.scenario.gaps import obstacle_gaps
+
+    return float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0])
+
+
+def _fenced(robot: Robot, scenario: Any, drawn: bool) -> Robot:
+    """Check goals against the robot's geofence; without one give it that of a map that is drawn."""
+    if robot.gate.geofence is not None:
+        for goal in scenario.goals:
+            if wrong := beyond(robot, goal):
+                raise ConfigError(f"{scenario.name}: {wrong}")
+    elif drawn:
+        x_min, y_min, x_max, y_max = scenario.bounds
+        fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
+        return replace(robot, gate=replace(robot.gate, geofence=fence))
+    return robot
 
 
 def beyond(robot: Robot, goal: Pose) -> str:
@@ -211,13 +234,14 @@ def load_model(robot: Robot, rehearse: bool = False) -> tuple[Robot, Any, tuple[
     return robot, learned, (*notes, note) if note else tuple(notes)
 
 
-def build_controller(robot: Robot, scenario: Any, learned: Any) -> Any:
+def build_controller(robot: Robot, scenario: Any, learned: Any, planner: Any = None) -> Any:
     """kmpc_lite's controller for this map, within the robot's limits."""
     import kmpc_lite as kl
 
     base = replace(base_problem(robot, learned.dt), goal_tolerance=goal_tolerance(scenario))
     problem, options = scenario.problem(base), scenario.options
-    return kl.Controller(learned, problem, adaptation=adaptation(robot), options=options)
+    adapts = adaptation(robot)
+    return kl.Controller(learned, problem, planner=planner, adaptation=adapts, options=options)
 
 
 def goal_tolerance(scenario: Any) -> tuple[float, float]:
@@ -271,13 +295,9 @@ cannot be true; one that only seems to touch, for a pose's noise or a map's, may
 
 def misplaced(scenario: Any, pose: Pose) -> str:
     """Say that a robot at a pose [m, m, rad] stands inside an obstacle; empty if it does not."""
-    import numpy as np
-
-    from kmpc_lite.scenario.gaps import obstacle_gaps
-
     if not all(map(math.isfinite, pose)):
         return ""
-    gap = float(obstacle_gaps(scenario, np.array([pose]), np.zeros(1))[0])
+    gap = _gap(scenario, pose, 0.0)
     body = scenario.footprint
     if gap >= -DEEP * (scenario.radius if body is None else body.half_width):
         return ""

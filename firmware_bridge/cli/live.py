@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
-from firmware_bridge.cli.planning import laser_scan
 from firmware_bridge.safety.gate_table import DRIVING, Reason
 
 if TYPE_CHECKING:
@@ -63,13 +62,11 @@ class Showing:
         if self._feed.problem:
             sys.stderr.write(f"kmpc: {self._feed.problem}\n")
 
-    def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
+    def saw(self, pose: tuple[float, float, float], plan: Any, scan: Any) -> None:
         """Take a plan, in the thread that has just made it."""
         from firmware_bridge.live.moment import last_step
 
         assert self.job is not None
-        seen = self.job.navigator.scan
-        scan = None if seen is None else laser_scan(seen)
         self._last = last_step(self.job.controller, pose, plan, scan)
 
     def hear(self, word: str) -> None:

@@ -9,7 +9,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.cli.planning import laser_scan
 from firmware_bridge.messages import ConfigError
 
 if TYPE_CHECKING:
@@ -120,20 +119,12 @@ class DriveRecorder:
             self._looked = now
             self._file.put(Health(now, _health(shot.status, now)))
 
-    def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
+    def saw(self, pose: tuple[float, float, float], plan: Any, scan: Any) -> None:
         """Take in a plan, in the thread that has just made it."""
         began = time.monotonic() - plan.timing["total"]
         known = [stamp for stamp in tuple(self._stamps) if 0.0 < stamp <= began]
         age = began - known[-1] if known else None
-        self._plan = began, pose, plan, age, self._seen()
-
-    def _seen(self) -> Any:
-        """What the robot saw, as it is at hand where it plans."""
-        return self._job.navigator.scan
-
-    def _scan(self, seen: Any) -> Any:
-        """Make the controller's scan of it, None without."""
-        return None if seen is None else laser_scan(seen)
+        self._plan = began, pose, plan, age, scan
 
     def planned(self) -> None:
         """Look behind the plan, in the same thread, once its command is on its way."""
@@ -142,8 +133,7 @@ class DriveRecorder:
 
         if self._plan is None:
             return
-        (began, pose, plan, age, seen), self._plan = self._plan, None
-        scan = self._scan(seen)
+        (began, pose, plan, age, scan), self._plan = self._plan, None
         if scan is not None:
             scan = counted(self._job.controller, scan)
         behind = self._insight(self._job.controller, plan)

@@ -6,6 +6,7 @@ import argparse
 import json
 from contextlib import ExitStack
 from functools import partial
+from typing import Any
 
 from firmware_bridge.cli.course import DRIVE_TIME, Course, course
 from firmware_bridge.cli.live import Showing
@@ -105,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
     prepare(options)
     with ExitStack() as stack:
         name = stack.enter_context(recording_to(options.record))
-        watching = {}
+        watching: dict[str, Any] = {}
         if showing is not None:
             showing.job = job
             stack.enter_context(showing)

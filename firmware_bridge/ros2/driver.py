@@ -1,192 +1,365 @@
-"""A robot behind ROS 2 topics, as the bridge's gate and loop know robots."""
+"""A robot behind ROS 2 topics, as the bridge's gate and loop know robots: a node of rclpy."""
 
 from __future__ import annotations
 
 import math
+import threading
 import time
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from firmware_bridge.kinematics import curvature_of
-from firmware_bridge.messages import LinkStatus, State
-from firmware_bridge.ros2.inputs import Inputs, Source
-from firmware_bridge.ros2.message_types import TWIST, TWIST_STAMPED
-from firmware_bridge.ros2.names import Qos
-from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
+from firmware_bridge.messages import LinkError, LinkStatus, State
+from firmware_bridge.ros2.geometry import Place, Transforms, place_of, seconds
+from firmware_bridge.ros2.obstacles import GridInput, ScanInput
 from firmware_bridge.ros2.options import Ros2Options
-from firmware_bridge.ros2.outputs import Outputs
-from firmware_bridge.ros2.reader import SLOW_PAUSE, Reader
-from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
+from firmware_bridge.ros2.pose import PoseInput
+from firmware_bridge.wheels import Wheels
 
 QUIET = 1.0
 """Without a goal zeros are published for so long, and then nothing: others may drive [s]."""
-ASK_AGAIN = 3.0
-"""Between two requests for maps that are missing [s]."""
-COMMANDS = Qos(depth=1)
+SILENT, RATES, SPAN = 0.5, (0.8, 1.25), 2.0
+"""Age from which a simulator's clock counts as stopped [s]; how much slower or faster than real
+time it may run, since the controller's period and the gate's patience are of real time; over which
+time that is measured [s]."""
+LOOK = 1.0
+"""Between two looks at what others publish, and at maps that wait for a transform [s]."""
+DIFFERS = 0.1
+"""Smallest difference of clocks that is reported [s]."""
+SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""As map servers and AMCL publish: whoever comes late gets the last one."""
+NEWEST = QoSProfile(depth=1)
+Goal = tuple[float, float, float]
+"""x, y [m] and heading [rad] in the frame that is driven in."""
 
 
 class Ros2Driver:
-    """Listens to odometry and obstacles, and publishes commands.
+    """Listens to odometry, obstacles and goals, and publishes commands.
 
     Parameters
     ----------
-    node : NodeOptions
-        Which node, and where its network is.
+    node : rclpy.node.Node
+        Spun by a thread of this driver.
     options : Ros2Options
         What it listens to.
-    inputs : Inputs, optional
-        Take what it hears; its own if not given.
-    is_wanted : callable, optional
-        Whether there is a goal: without one, others may command the robot.
-    clock : callable
-        Monotonic time [s].
+    wheels : Wheels
+        Of the robot; a car with a wheelbase is commanded by AckermannDriveStamped.
+    scan_age : float
+        Oldest scan to drive by [s].
     """
 
     def __init__(
-        self,
-        node: NodeOptions,
-        options: Ros2Options,
-        inputs: Inputs | None = None,
-        is_wanted: Callable[[], bool] = lambda: True,
-        clock: Callable[[], float] = time.monotonic,
+        self, node: Node, options: Ros2Options, wheels: Wheels, scan_age: float = 0.5
     ) -> None:
-        self.node, self.options, self._clock = Node(node), options, clock
-        self.inputs = Inputs(options) if inputs is None else inputs
-        self.outputs = Outputs(self.node.types, options.frame)
-        self._is_wanted = is_wanted
-        self._curvature = 0.0
-        """To which a car's wheels are steered [1/m]."""
-        self._commands: Publisher | None = None
-        self.subscriptions: list[tuple[Subscription, Source]] = []
-        """With the receivers of their messages."""
-        self.readers: list[Reader] = []
-        """Of all but maps, and of maps."""
-        self._idle_since = -math.inf
-        self._asked = clock()
-        self._malformed: dict[str, int] = {}
-        """What was no message on each map's topic when the map was asked for last."""
+        self.node, self.options, self.wheels = node, options, wheels
+        self.transforms = Transforms(node, options.transform_tolerance)
+        lookup = self.transforms.lookup
+        mount = options.scan_mount
+        self.pose = PoseInput(options.global_frame, None if options.use_amcl_pose else lookup)
+        self.grids = [GridInput(name, options, lookup) for name in options.maps.split()]
+        self.scans = [ScanInput(name, mount, scan_age, lookup) for name in options.scans.split()]
+        self._on_goal: Callable[[Goal], str] | None = None
+        self._early: Goal | None = None
+        """A goal that came before anybody took goals."""
+        self._is_wanted: Callable[[], bool] = lambda: True
+        self.path: list[Place] = []
+        """Of another planner, if it is followed."""
+        self.refused_goal = ""
+        """Why the newest goal was not taken."""
+        self.counters = Counter(messages=0, errors=0, commands=0)
+        self._last_error, self._differ = "", ""
+        self._ticks: deque[tuple[float, float]] = deque()
+        """Our time and the simulator's [s]."""
+        self._curvature, self._idle_since = 0.0, -math.inf
+        self._executor: SingleThreadedExecutor | None = None
+        self._new_map, self._closed = threading.Event(), False
+        self._commands: Any = None
 
-    def connect(self, timeout: float, read: bool = True) -> None:
-        """Open the session and wait for a router or a peer; LinkError after `timeout` [s].
+    def serve(self, on_goal: Callable[[Goal], str], is_wanted: Callable[[], bool]) -> None:
+        """Hand goals to whoever drives there.
 
-        Messages are read by threads of their own, or, if `read` is false, by the caller of the
-        readers' `look`.
+        Parameters
+        ----------
+        on_goal : callable
+            Takes a goal, and says why it is refused; empty if it is not.
+        is_wanted : callable
+            Whether there is a goal: without one, others may command the robot.
         """
-        self.node.open()
-        self.node.wait(timeout)
-        self._commands = self.node.publisher(*self.commanded, COMMANDS)
-        self.subscriptions = [
-            (self.node.subscription(source.name, source.kind, source.qos), source)
-            for source in self.inputs.sources()
-        ]
-        fast = [pair for pair in self.subscriptions if not pair[1].slow]
-        slow = [pair for pair in self.subscriptions if pair[1].slow]
-        self.readers = [
-            Reader(fast, clock=self._clock),
-            Reader(slow, SLOW_PAUSE, self._mind_maps, self._clock),
-        ]
-        if read:
-            for reader in self.readers:
-                reader.start()
+        self._on_goal, self._is_wanted = on_goal, is_wanted
+        if self._early is not None:
+            self._offer(self._early)
+
+    def _offer(self, goal: Goal) -> None:
+        self._early = goal
+        self.refused_goal = "" if self._on_goal is None else self._on_goal(goal)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether time is that of /clock."""
+        return bool(self.node.get_parameter("use_sim_time").value)
+
+    def connect(self, timeout: float) -> None:
+        """Subscribe, and wait for odometry; LinkError after `timeout` [s]."""
+        self._subscribe()
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        for work, name in ((self._executor.spin, "ros2"), (self._mind_maps, "ros2-maps")):
+            threading.Thread(target=work, name=name, daemon=True).start()
+        until = time.monotonic() + timeout
+        while self.pose.filter.latest is None:
+            if time.monotonic() > until:
+                self._look()
+                topic = self.node.resolve_topic_name("odom")
+                raise LinkError(
+                    f"no odometry on {topic} after {timeout:g} s: "
+                    f"{self._differ or 'does the robot run, in this ROS_DOMAIN_ID?'}"
+                )
+            time.sleep(0.02)
+
+    def _subscribe(self) -> None:
+        from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
+        from nav_msgs.msg import OccupancyGrid, Odometry, Path
+        from sensor_msgs.msg import LaserScan
+
+        self._types: dict[str, type] = {}
+        self._hear("odom", Odometry, SENSOR, self._take_odometry)
+        if self.options.use_amcl_pose:
+            take = self.pose.take_localisation
+            self._hear("amcl_pose", PoseWithCovarianceStamped, LATCHED, lambda m, now: take(m))
+        for scan in self.scans:
+            self._hear(scan.name, LaserScan, SENSOR, lambda m, now, s=scan: self._scan(s, m, now))
+        for grid in self.grids:
+            self._hear(grid.name, OccupancyGrid, LATCHED, grid.take)
+            self._hear_updates(grid)
+        if self.options.follow_plan:
+            self._hear("plan", Path, NEWEST, self._take_plan)
+        else:
+            self._hear("goal_pose", PoseStamped, NEWEST, lambda m, now: self._take_goal(m))
+        kind = TwistStamped if self.options.enable_stamped_cmd_vel else Twist
+        if self.wheels.wheelbase:
+            from ackermann_msgs.msg import AckermannDriveStamped
+
+            kind = AckermannDriveStamped
+        self._commands = self.node.create_publisher(kind, "cmd_vel", NEWEST)
+
+    def _hear(self, name: str, kind: type, qos: QoSProfile, take: Callable[..., object]) -> None:
+        def receive(message: Any) -> None:
+            self.counters["messages"] += 1
+            self._guarded(lambda: take(message, time.monotonic()))()
+            if kind.__name__.startswith("OccupancyGrid"):
+                self._new_map.set()
+
+        self._types[self.node.resolve_topic_name(name)] = kind
+        self.node.create_subscription(kind, name, receive, qos)
+
+    def _hear_updates(self, grid: GridInput) -> None:
+        try:
+            from map_msgs.msg import OccupancyGridUpdate
+        except ImportError:  # a map whose updates are published is refused: see `health`
+            return
+        updates = QoSProfile(depth=50)
+        self._hear(f"{grid.name}_updates", OccupancyGridUpdate, updates, grid.update)
+
+    def _guarded(self, action: Callable[[], object]) -> Callable[[], None]:
+        def act() -> None:
+            try:
+                action()
+            except Exception as error:  # whatever is on the network, the robot goes on
+                self.counters["errors"] += 1
+                self._last_error = f"{type(error).__name__}: {error}"
+
+        return act
+
+    def _local(self, stamp: Any, now: float) -> float:
+        """Time of a stamp as far as it is known: on our clock if it is a simulator's [s]."""
+        if not self.simulated:
+            return seconds(stamp)
+        return now + seconds(stamp) - self._ros_time()
+
+    def _ros_time(self) -> float:
+        return float(1e-9 * self.node.get_clock().now().nanoseconds)
+
+    def _take_odometry(self, message: Any, now: float) -> None:
+        self.pose.take_odometry(message, self._local(message.header.stamp, now), now)
+
+    def _scan(self, scan: ScanInput, message: Any, now: float) -> None:
+        first = self.pose.on_our_clock(self._local(message.header.stamp, now))
+        scan.take(message, first, self.pose.base, now)
+
+    def _take_goal(self, message: Any) -> None:
+        at = place_of(message.pose.position, message.pose.orientation)
+        frame, own = self.options.global_frame, message.header.frame_id
+        found = self.transforms.lookup(frame, own) if own else None
+        if at is None:
+            self.refused_goal = "it is not finite, or has no orientation"
+        elif found is None:
+            self.refused_goal = f"no transform {frame} -> {own or '(no frame)'}"
+        else:
+            goal = found.of(at)
+            self._offer(goal[:3])
+        if self.refused_goal:
+            self.node.get_logger().warning(f"goal refused: {self.refused_goal}")
+
+    def _take_plan(self, message: Any, now: float) -> None:
+        """Take the path of another planner; drive to its end if that is another one."""
+        found = self.transforms.lookup(self.options.global_frame, message.header.frame_id)
+        poses = [place_of(row.pose.position, row.pose.orientation) for row in message.poses]
+        if found is None or len(poses) < 2 or None in poses:
+            self.refused_goal = "plan: expected two poses or more, in a frame that TF knows"
+            return
+        before, self.path = self.path[-1:], [found.of(pose) for pose in poses if pose is not None]
+        if before != self.path[-1:]:
+            self._offer(self.path[-1][:3])
+
+    def obstacles(self, at: float) -> tuple[list[Any], Any] | None:
+        """Obstacles for a robot whose pose is of the time `at` [s], and the first scan among them.
+
+        None if a map or a scan is missing.
+        """
+        now = time.monotonic()
+        scans = [scan.scan(at, now) for scan in self.scans]
+        found = [*(grid.grid for grid in self.grids), *scans]
+        return None if any(one is None for one in found) else (found, scans[0] if scans else None)
 
     def state(self) -> State | None:
         """Newest pose."""
-        return self.inputs.state(self._clock())
+        return self.pose.state()
 
     def send(self, v: float, omega: float, vy: float = 0.0) -> None:
         """Publish forward speed [m/s], turn rate [rad/s], and an omni's speed to the left [m/s]."""
         if not all(map(math.isfinite, (v, omega, vy))):
             raise ValueError(f"expected finite speeds, got {v}, {omega} and {vy}")
-        now = self._clock()
+        now = time.monotonic()
         if v or omega or vy or self._is_wanted():
             self._idle_since = now
         if now - self._idle_since <= QUIET:
-            self._publish(v, omega, vy, now)
+            self.counters["commands"] += 1
+            self._commands.publish(self.command(v, omega, vy))
 
     def stop(self) -> None:
         """Publish zero."""
-        now = self._clock()
-        if now - self._idle_since <= QUIET:
-            self._publish(0.0, 0.0, 0.0, now)
+        if self._commands is not None and time.monotonic() - self._idle_since <= QUIET:
+            self._commands.publish(self.command(0.0, 0.0, 0.0))
+
+    def command(self, v: float, omega: float, vy: float) -> Any:
+        """Message of a command, of the type that is published."""
+        message = self._commands.msg_type()
+        if self.wheels.wheelbase or self.options.enable_stamped_cmd_vel:
+            message.header.stamp = self.node.get_clock().now().to_msg()
+            message.header.frame_id = self.pose.base
+        if self.wheels.wheelbase:
+            self._curvature = curvature_of(v, omega, 1.0 / self.wheels.radius, self._curvature)
+            message.drive.speed = float(v)
+            message.drive.steering_angle = math.atan(self.wheels.wheelbase * self._curvature)
+            return message
+        twist = message.twist if self.options.enable_stamped_cmd_vel else message
+        twist.linear.x, twist.linear.y, twist.angular.z = float(v), float(vy), float(omega)
+        return message
 
     def health(self) -> LinkStatus:
         """What is known of the other end: odometry is its heartbeat."""
-        now = self._clock()
-        state, inputs = self.inputs.state(now), self.inputs
-        problems, blind = inputs.problems(now), inputs.blind(now)
-        scans = [scan.stamp for scan in inputs.scans]
+        now, state = time.monotonic(), self.state()
+        clock, fault = self._clock_problem(now), self.pose.filter.fault(now)
+        problems = (clock, fault, *(grid.problem(now) for grid in self.grids))
+        blind = tuple(filter(None, (scan.problem(now) for scan in self.scans)))
+        if state is None:
+            problems = (self.pose.problem(now), *problems)
+        stamps = [scan.stamp for scan in self.scans]
+        odometry = {f"odometry_{name}": n for name, n in self.pose.filter.counters.items()}
         return LinkStatus(
             connected=True,
             heartbeat_stamp=now,
             pose_stamp=-math.inf if state is None else state.stamp,
             ready=True,
-            pose_ok=not problems,
-            faults=problems,
-            counters=self.counters(),
-            scan_stamp=-math.inf if blind else min(scans, default=None),
+            pose_ok=not (clock or fault),
+            faults=tuple(dict.fromkeys(filter(None, problems))),
+            counters={**self.counters, "not_finite": self.pose.refused, **odometry},
+            scan_stamp=-math.inf if blind else min(stamps, default=None),
             scan_faults=blind,
         )
 
-    def _mind_maps(self, now: float) -> None:
-        """Make grids of new maps; ask again for those that were lost among what is no message.
+    def _clock_problem(self, now: float) -> str:
+        """Why simulated time cannot be driven by, empty if it can."""
+        if not self.simulated:
+            return ""
+        said, ticks = self._ros_time(), self._ticks
+        if ticks and said < ticks[-1][1]:
+            ticks.clear()  # a simulation that was begun anew
+        if not ticks or said > ticks[-1][1]:
+            ticks.append((now, said))
+        while len(ticks) > 1 and now - ticks[0][0] > SPAN:
+            ticks.popleft()
+        if now - ticks[-1][0] > SILENT or not said:
+            return "no simulated time on /clock"
+        span = ticks[-1][0] - ticks[0][0]
+        rate = (said - ticks[0][1]) / span if span > SILENT else 1.0
+        if RATES[0] <= rate <= RATES[1]:
+            return ""
+        return f"simulated time runs at {rate:.2f} of real time: expected 0.8 to 1.25"
 
-        A map server sends its map once: one that a flood has pushed out would never come again.
-        """
-        self.inputs.build(now)
-        if now - self._asked < ASK_AGAIN:
-            return
-        self._asked = now
-        missing = {grid.name for grid in self.inputs.grids if grid.is_missing}
-        for subscription, source in self.subscriptions:
-            lost = subscription.malformed > self._malformed.get(source.name, 0)
-            if source.qos.transient_local and source.slow and (lost or source.name in missing):
-                self._malformed[source.name] = subscription.malformed
-                subscription.ask_again()
+    def clock_offset(self) -> float | None:
+        """How far our system's clock is ahead of the odometry's [s]; None if not known."""
+        way = self.pose.filter.shortest_way
+        known = not self.simulated and math.isfinite(way)
+        return way + time.time() - time.monotonic() if known else None
 
-    @property
-    def commanded(self) -> tuple[str, str]:
-        """Name and type of the topic of its commands."""
-        kind = TWIST_STAMPED if self.options.stamped else TWIST
-        kind = ACKERMANN_STAMPED if self.options.wheels.wheelbase else kind
-        return self.options.topics["cmd_vel"][0], kind
+    def _mind_maps(self) -> None:
+        """Make grids in a thread of their own: of large maps that takes longer than poses wait."""
+        while not self._closed:
+            self._new_map.wait(LOOK)
+            self._new_map.clear()
+            self._guarded(self._look)()
 
-    @property
-    def published(self) -> int:
-        """Number of commands that were published."""
-        return 0 if self._commands is None else self._commands.count
+    def _look(self) -> None:
+        """Make grids of maps; see whether others use our topics with other types than ours."""
+        for grid in self.grids:
+            grid.build()
+            updates = f"{grid.name}_updates"
+            resolved = self.node.resolve_topic_name(updates)
+            if resolved not in self._types and self.node.count_publishers(updates):
+                grid.refused = f"{resolved} is published, but map_msgs is not installed"
+        self._differ = next(filter(None, self._differing()), "")
 
-    def counters(self) -> dict[str, int]:
-        """Messages that came, were malformed, or were not believed."""
-        inputs, subscriptions = self.inputs, [pair[0] for pair in self.subscriptions]
-        return {
-            "messages": sum(s.received for s in subscriptions),
-            "malformed": sum(s.malformed for s in subscriptions),
-            "refused_transforms": inputs.transforms.refused,
-            "not_finite": inputs.pose.refused,
-            "errors": sum(reader.errors for reader in self.readers),
-            **{f"odometry_{name}": n for name, n in inputs.pose.filter.counters.items()},
-        }
+    def _differing(self) -> Sequence[str]:
+        pairs = [
+            (topic, self.node.get_publishers_info_by_topic(topic), kind, "published")
+            for topic, kind in self._types.items()
+        ]
+        commands = self._commands.topic_name
+        heard = self.node.get_subscriptions_info_by_topic(commands)
+        pairs.append((commands, heard, self._commands.msg_type, "heard"))
+        return [
+            f"{topic} is {how} as {other.topic_type}, expected {name}"
+            for topic, others, kind, how in pairs
+            for other in others
+            if other.topic_type != (name := _name(kind))
+        ]
 
     def warnings(self) -> tuple[str, ...]:
         """What a user should know once."""
-        errors = [s.last_error for s, _ in self.subscriptions if s.malformed == s.received > 0]
-        errors += [reader.last_error for reader in self.readers if reader.errors]
-        return tuple(text for text in (*errors, self.inputs.refused_goal) if text)
+        offset, words = self.clock_offset(), ""
+        if offset is not None and abs(offset) >= DIFFERS:
+            behind = "behind" if offset > 0 else "ahead of"
+            words = f"the odometry's clock is {abs(offset):.2f} s {behind} ours"
+        goal = self.refused_goal and f"goal refused: {self.refused_goal}"
+        missing = self.transforms.missing
+        return tuple(filter(None, (self._differ, words, goal, missing, self._last_error)))
 
     def close(self) -> None:
         """Leave the network; idempotent."""
-        for reader in self.readers:
-            reader.stop()
-        self.node.close()
+        self._closed = True
+        if self._executor is not None:
+            self._executor.shutdown(timeout_sec=1.0)
+            self._executor = None
+        self.node.destroy_node()
 
-    def _publish(self, v: float, omega: float, vy: float, now: float) -> None:
-        assert self._commands is not None, "connect comes first"
-        stamp, base = self.inputs.clock.stamp(now), self.inputs.pose.base
-        wheels = self.options.wheels
-        if wheels.wheelbase:
-            self._curvature = curvature_of(v, omega, 1.0 / wheels.radius, self._curvature)
-            angle = math.atan(wheels.wheelbase * self._curvature)
-            message = self.outputs.steered(v, angle, stamp, base)
-        else:
-            stamped = stamp if self.options.stamped else None
-            message = self.outputs.command(v, omega, stamped, base, vy)
-        self._commands.publish(message)
+
+def _name(kind: Any) -> str:
+    """Name of a message's type: geometry_msgs/msg/Twist."""
+    return f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"

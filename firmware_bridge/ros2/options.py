@@ -1,106 +1,84 @@
-"""What `kmpc ros2` listens to and how far it believes it."""
+"""What the node listens to, and how far it believes it: its ROS parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
 
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.options import bounded, check
-from firmware_bridge.ros2.names import resolve
-from firmware_bridge.ros2.obstacles import GridOptions
-from firmware_bridge.wheels import Wheels
+from firmware_bridge.options import bounded, check, from_table, three_numbers
+from firmware_bridge.robot_file import SECTIONS
 
-TOPICS = {
-    "odom": "odom",
-    "tf": "/tf",
-    "tf_static": "/tf_static",
-    "clock": "/clock",
-    "goal": "goal_pose",
-    "scan": "scan",
-    "map": "map",
-    "cmd_vel": "cmd_vel",
-    "plan": "kmpc/plan",
-    "markers": "kmpc/markers",
-    "diagnostics": "/diagnostics",
-}
-"""Names of the topics by what they are for, as Nav2 has them; /plan is that of Nav2's planner."""
-SEVERAL = ("scan", "map")
-"""Of these there may be several topics, or none."""
-OPTIONAL = (*SEVERAL, "plan", "markers", "diagnostics", "goal")
-"""These may be left out."""
-MOST = 4
-"""Topics of one kind."""
+OWN = ("use_sim_time", "start_type_description_service")
+"""Parameters of rclpy itself; `qos_overrides` too."""
 
 
 @dataclass(frozen=True)
 class Ros2Options:
-    """Options of the node."""
+    """Parameters of the node, beside the keys of a robot file (``limits.v_max``)."""
 
-    topics: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names from the root, by what they are for: see `TOPICS`."""
-    frame: str = "map"
-    """Frame in which the robot is driven: that of map and goal."""
-    base: str = "base_link"
-    """The robot's frame, where TF alone tells its pose."""
-    pose_from_tf: bool = False
-    """Whether TF alone tells the pose; there is no odometry topic then."""
-    stamped: bool = False
-    """Whether commands are TwistStamped."""
-    wheels: Wheels = field(default_factory=Wheels)
-    """Of the robot; a car with a wheelbase is commanded by AckermannDriveStamped."""
-    simulated_time: bool = False
-    """Whether stamps are of /clock: use_sim_time."""
-    scan_age: float = bounded(0.05, 5.0, "s", 0.5)
-    """Oldest scan to drive by [s]."""
-    transform_age: float = bounded(0.1, 60.0, "s", 2.0)
-    """A transform that moves and has not come for so long is not believed [s]."""
-    mount: tuple[float, float, float] | None = None
-    """Where the scanner sits on the robot: x, y [m], heading [rad]; of TF if not given."""
-    grid: GridOptions = field(default_factory=GridOptions)
+    global_frame: str = "map"
+    """Frame in which the robot is driven: that of maps and goals. The odometry's: no localisation.
+    """
+    use_amcl_pose: bool = False
+    """Whether `amcl_pose` says where the odometry's frame lies, instead of TF."""
+    scans: str = "scan"
+    """Topics of scanners, separated by blanks; empty: none. It drives only by fresh ones."""
+    maps: str = "map"
+    """Topics of occupancy grids, separated by blanks; empty: none. It waits for each."""
+    scan_mount: Any = None
+    """x, y [m] and heading [rad] of the scanner on the robot; of TF if not given."""
+    map_age: float = bounded(0.0, 1e6, "s", 0.0)
+    """Oldest map to drive by [s]; 0: any, since a map server sends it once."""
+    map_threshold: float = bounded(1.0, 100.0, "", 65.0)
+    """Cells from this value on are occupied; 100 for a costmap, whose lower values are inflated."""
+    unknown_is_free: bool = False
+    """Whether the robot may drive through unknown cells of a map."""
+    transform_tolerance: float = bounded(0.1, 60.0, "s", 2.0)
+    """A transform that moves and is older is not believed [s]."""
+    enable_stamped_cmd_vel: bool = False
+    """Whether commands are TwistStamped, as Nav2's are from Kilted on."""
+    follow_plan: bool = False
+    """Whether the path is that of another planner, on `plan`, and its end the goal."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         check(self)
-
-    def topic(self, role: str) -> str | None:
-        """Name of the one topic for something; None if it is left out."""
-        names = self.topics[role]
-        return names[0] if names else None
+        if self.scan_mount is not None and three_numbers(list(self.scan_mount)) is None:
+            raise ConfigError(f"scan_mount: expected [x, y, theta], got {self.scan_mount!r}")
 
 
-def read_topics(given: Iterable[str], namespace: str) -> dict[str, tuple[str, ...]]:
-    """Read ``--topic ROLE=NAME``: names from the root, of all roles.
+def read_parameters(
+    given: Mapping[str, Any],
+) -> tuple[Ros2Options, dict[str, dict[str, Any]]]:
+    """Read ROS parameters: the node's own, and those that are keys of a robot file.
 
     Examples
     --------
-    >>> topics = read_topics(["odom=/wheels/odom", "scan="], "/robot")
-    >>> topics["odom"], topics["scan"], topics["goal"]
-    (('/wheels/odom',), (), ('/robot/goal_pose',))
+    >>> options, keys = read_parameters({"scans": "", "limits.v_max": 0.4})
+    >>> options.scans, keys
+    ('', {'limits': {'v_max': 0.4}})
 
     Raises
     ------
     ConfigError
-        For a role that there is not, a name that is none, or too many of them.
+        For a name that is neither, or a value of another type.
     """
-    chosen: dict[str, list[str]] = {}
-    for item in given:
-        role, equals, name = item.partition("=")
-        if not equals or role not in TOPICS:
+    own: dict[str, Any] = {}
+    keys: dict[str, dict[str, Any]] = {}
+    names = [entry.name for entry in fields(Ros2Options)]
+    for name, value in given.items():
+        section, dot, key = name.partition(".")
+        if name in OWN or section == "qos_overrides":
+            continue
+        if dot and section in SECTIONS:
+            keys.setdefault(section, {})[key] = value
+        elif name in names:
+            own[name] = value
+        else:
             raise ConfigError(
-                f"--topic {item[:80]}: expected ROLE=NAME with a role of {', '.join(TOPICS)}"
+                f"parameter {name}: unknown; expected a key of a robot file such as limits.v_max, "
+                f"or {', '.join(names)}"
             )
-        names = chosen.setdefault(role, [])
-        if name:
-            names.append(name)
-        if len(names) > (MOST if role in SEVERAL else 1):
-            most = MOST if role in SEVERAL else 1
-            raise ConfigError(f"--topic {item[:80]}: {role}: at most {most} may be given")
-        if not names and role not in OPTIONAL:
-            raise ConfigError(f"--topic {role}=: this topic cannot be left out")
-    return {
-        role: tuple(
-            resolve(name, namespace, f"--topic {role}") for name in chosen.get(role, [usual])
-        )
-        for role, usual in TOPICS.items()
-    }
+    return from_table(Ros2Options, own, "parameter"), keys

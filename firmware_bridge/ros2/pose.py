@@ -1,132 +1,103 @@
-"""The robot's pose: odometry or TF, checked, on our clock, in the frame of map and goal."""
+"""The robot's pose: odometry, checked, on our clock, where a localisation says its frame lies."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 from typing import Any
 
 from firmware_bridge.messages import State
-from firmware_bridge.ros2.clock import RosClock
-from firmware_bridge.ros2.transforms import (
-    Transforms,
-    bare,
-    planar,
-    planar_matrix,
-    pose_matrix,
-    stamp_of,
-)
+from firmware_bridge.ros2.geometry import HERE, Lookup, Place, place_of, seconds
 from firmware_bridge.sensors.pose import PoseFilter, SourcePose
-
-SHORTEST = 0.02
-"""Smallest time between two poses for a speed [s], if TF alone gives the pose."""
-LONGEST = 0.5
-"""Poses farther apart tell no speed [s]."""
 
 FASTEST = 100.0
 """Speeds beyond this are no robot's [m/s, rad/s]."""
+KEPT = 500
+"""Odometry that is kept for a localisation that needs time: ten seconds of 50 Hz."""
+APART = 0.1
+"""Farthest an odometry may lie in time from the localisation that it is compared with [s]."""
 
 
 class PoseInput:
-    """Where the robot is.
+    """Where the robot is, in the frame that is driven in.
 
     Parameters
     ----------
     frame : str
-        Frame in which the robot is driven: the map's.
-    base : str
-        The robot's own frame, where TF alone tells the pose.
-    transforms : Transforms
-        Bring odometry into `frame`.
-    clock : RosClock
-        Of the stamps.
+        Frame that is driven in: the map's.
+    lookup : callable
+        See `Lookup`; None if `amcl_pose` alone says where the odometry's frame lies.
     """
 
-    def __init__(self, frame: str, base: str, transforms: Transforms, clock: RosClock) -> None:
-        self._frame, self._transforms, self._clock = frame, transforms, clock
+    def __init__(self, frame: str, lookup: Lookup | None) -> None:
+        self._frame, self._lookup = frame, lookup
         self.filter = PoseFilter()
-        self.base = base
-        """The robot's frame; odometry says its own."""
-        self._source_frame = frame
+        self.base = "base_link"
+        """The robot's own frame, as odometry says."""
+        self._odom_frame = frame
         self._newest: State | None = None
-        """In the source's frame."""
+        """In the odometry's frame."""
+        self._seen: deque[tuple[float, Place]] = deque(maxlen=KEPT)
+        """Stamps and places of odometry."""
+        self._corrected: Place | None = None
         self.refused = 0
         """Poses that are not finite, or have no orientation."""
 
-    def take_odometry(self, message: Any, now: float) -> None:
-        """Take an Odometry message that came at `now` [s]."""
-        pose, twist = message.pose.pose, message.twist.twist
-        matrix = pose_matrix(pose.position, pose.orientation)
+    def take_odometry(self, message: Any, local: float, now: float) -> None:
+        """Take an Odometry that came at `now`, whose stamp is `local` on a clock of ours [s]."""
+        twist = message.twist.twist
+        at = place_of(message.pose.pose.position, message.pose.pose.orientation)
         v, vy, omega = float(twist.linear.x), float(twist.linear.y), float(twist.angular.z)
         # NaN fails every comparison
-        if matrix is None or not all(abs(speed) <= FASTEST for speed in (v, vy, omega)):
+        if at is None or not all(abs(speed) <= FASTEST for speed in (v, vy, omega)):
             self.refused += 1
             return
-        at = planar(matrix)
-        said = SourcePose(at.x, at.y, at.theta, self._clock.local(stamp_of(message.header), now))
-        believed = self.filter.believe(said, now)
+        believed = self.filter.believe(SourcePose(*at[:3], local), now)
         if believed is None:
             return
         # an odometry without names of frames is of the frame that is driven in
-        self._source_frame = bare(message.header.frame_id) or self._frame
-        self.base = bare(message.child_frame_id) or self.base
+        self._odom_frame = message.header.frame_id or self._frame
+        self.base = message.child_frame_id or self.base
+        self._seen.append((seconds(message.header.stamp), at))
         self._newest = State(believed.x, believed.y, believed.theta, v, omega, believed.stamp, vy)
 
-    def take_transforms(self, now: float) -> None:
-        """Read the pose of TF alone: the first frame above the robot that moves carries it."""
-        frame, link = self.base, self._transforms.link(self.base)
-        while link is not None and math.isinf(link.received):
-            frame = link.parent
-            link = self._transforms.link(frame) if frame != self._frame else None
-        matrix = None if link is None else self._transforms.lookup(link.parent, self.base, now)
-        if link is None or matrix is None:
+    def take_localisation(self, message: Any) -> None:
+        """Take a PoseWithCovarianceStamped: where the robot was on the map, at its stamp."""
+        at = place_of(message.pose.pose.position, message.pose.pose.orientation)
+        stamp = seconds(message.header.stamp)
+        then = min(self._seen, key=lambda seen: abs(seen[0] - stamp), default=(-math.inf, HERE))
+        if at is None or message.header.frame_id != self._frame or abs(then[0] - stamp) > APART:
+            self.refused += 1
             return
-        at = planar(matrix)
-        stamp = self._clock.local(link.stamp, now)
-        before = self._newest
-        believed = self.filter.believe(SourcePose(at.x, at.y, at.theta, stamp), now)
-        if believed is None:
-            return
-        self._source_frame = link.parent
-        here = State(believed.x, believed.y, believed.theta, 0.0, 0.0, believed.stamp)
-        self._newest = _with_speeds(before, here)
+        self._corrected = at.of(then[1].inverse)
 
-    def state(self, now: float) -> State | None:
-        """Newest pose in the frame that is driven in; None before the first, or without a chain."""
-        newest = self._newest
-        if newest is None:
+    def _origin(self) -> Place | None:
+        """Where the odometry's frame lies in the frame that is driven in."""
+        if self._odom_frame == self._frame:
+            return HERE
+        if self._lookup is None:
+            return self._corrected
+        return self._lookup(self._frame, self._odom_frame)
+
+    def state(self) -> State | None:
+        """Newest pose; None before the first, or without a localisation."""
+        newest, origin = self._newest, self._origin()
+        if newest is None or origin is None:
             return None
-        if self._source_frame == self._frame:
-            return newest
-        found = self._transforms.lookup(self._frame, self._source_frame, now)
-        if found is None:
-            return None
-        at = planar(found @ planar_matrix(newest.x, newest.y, newest.theta))
+        at = origin.of(Place(newest.x, newest.y, newest.theta))
         return replace(newest, x=at.x, y=at.y, theta=at.theta)
 
     def problem(self, now: float) -> str:
         """Why there is no pose, in words; empty if there is one."""
         if self._newest is None:
-            return "no odometry yet" if not self.refused else "odometry is not finite"
-        if self.state(now) is None:
-            return f"no fresh transform {self._frame} -> {self._source_frame} on /tf"
+            return "odometry is not finite" if self.refused else "no odometry yet"
+        if self._origin() is None:
+            where = "on amcl_pose" if self._lookup is None else "in TF"
+            return f"no fresh {self._frame} -> {self._odom_frame} {where}"
         return self.filter.fault(now)
 
-    def local(self, stamp: float, now: float) -> float:
-        """Time of a stamp of another sensor on our clock, as the pose's tell it [s]."""
+    def on_our_clock(self, local: float) -> float:
+        """When a stamp `local` of another sensor was, as the odometry's stamps tell it [s]."""
         way = self.filter.shortest_way
-        return self._clock.local(stamp, now) + (0.0 if math.isnan(way) else way)
-
-
-def _with_speeds(before: State | None, here: State) -> State:
-    """Speeds of a robot that was elsewhere before."""
-    if before is None or not SHORTEST <= here.stamp - before.stamp <= LONGEST:
-        return (
-            here if before is None else replace(here, v=before.v, omega=before.omega, vy=before.vy)
-        )
-    seconds = here.stamp - before.stamp
-    turn = math.remainder(here.theta - before.theta, math.tau)
-    heading = before.theta + turn / 2
-    dx, dy = here.x - before.x, here.y - before.y
-    cos, sin = math.cos(heading) / seconds, math.sin(heading) / seconds
-    return replace(here, v=dx * cos + dy * sin, omega=turn / seconds, vy=dy * cos - dx * sin)
+        return local + (0.0 if math.isnan(way) else way)

@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, Protocol, TextIO
 
+from firmware_bridge.drivers import Driver
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
@@ -15,8 +16,10 @@ from firmware_bridge.runtime.loop import FINISHED
 from firmware_bridge.runtime.navigator import Moment, Navigator
 from firmware_bridge.runtime.observer import Observer
 from firmware_bridge.runtime.reasons import ended_words, told_once
+from firmware_bridge.runtime.route import Route
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
+from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_table import GateState
 
 DONE, NOT_DONE, INTERRUPTED = 0, 1, 130
@@ -39,6 +42,32 @@ class Examiner(Observer, Protocol):
         ...
 
 
+class Restart:
+    """Enables a robot that was given back when a goal comes, which is as deliberate as a word.
+
+    It never resets an emergency stop.
+
+    Parameters
+    ----------
+    route : Route
+        Takes goals.
+    gate : callable
+        Gives the gate.
+    """
+
+    def __init__(self, route: Route, gate: Callable[[], SafetyGate]) -> None:
+        self._route, self._gate, self._seen = route, gate, route.goals
+
+    def on_tick(
+        self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
+    ) -> None:
+        """Look for a new goal."""
+        if self._route.goals is not self._seen:
+            self._seen = self._route.goals
+            if output.state in (GateState.RELEASED, GateState.IDLE):
+                self._gate().enable()
+
+
 def run(
     robot: Robot,
     navigator: Navigator,
@@ -50,6 +79,7 @@ def run(
     watched: Watched = nullcontext,
     recorder: Callable[[Session, Path], Recorder] | None = None,
     examiner: Examiner | None = None,
+    driver: Driver | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Drive to the goal; return the report and the exit status.
 
@@ -75,10 +105,14 @@ def run(
         Makes another recorder; see `Session`.
     examiner : Examiner, optional
         Looks on, and may have the robot stopped.
+    driver : Driver, optional
+        Of a robot without a link of bytes. A new goal lets it drive again after it was given back.
     """
 
     def plan(state: State) -> VelocityCommand:
         return navigator(state, _moment(session, state))
+
+    restart = None if driver is None else Restart(navigator.route, lambda: session.gate)
 
     def trouble() -> str:
         return navigator.refused or ("" if examiner is None else examiner.trouble)
@@ -90,10 +124,11 @@ def run(
         origin=origin,
         output=None if output is None else Path(output),
         out=out,
-        observers=() if examiner is None else (examiner,),
+        driver=driver,
+        observers=tuple(filter(None, (examiner, restart))),
         record=recorder,
         more=lambda: list(filter(None, (navigator.route.words,))),
-        warnings=lambda: tuple(navigator.passed),
+        warnings=lambda: (*navigator.passed, *getattr(driver, "warnings", tuple)()),
     ) as session:
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
 
@@ -124,7 +159,7 @@ def _moment(session: Session, state: State) -> Moment:
     """What the session knows now, for a plan from this pose."""
     scan = None if session.sight is None else session.sight.look(state)
     driving = session.gate.state is GateState.ACTIVE
-    return Moment(driving, session.planner.held, scan, session.loop.drove_from)
+    return Moment(driving, session.planner.held, scan, session.loop.drove_from, state.stamp)
 
 
 def _did_it(navigator: Navigator) -> bool:

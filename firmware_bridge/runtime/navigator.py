@@ -36,6 +36,8 @@ class Moment:
     """What the lidar sees from the pose; None without one, or before its first turn."""
     began: float | None = None
     """When commands first passed the gate [s]; None: at the first plan that drives."""
+    stamp: float = 0.0
+    """Of the pose [s]: when the command will act."""
 
 
 class Planned(NamedTuple):
@@ -119,8 +121,6 @@ class Navigator:
         self._wish: Pose | None = None
         self.passed: deque[str] = deque(maxlen=SHOWN)
         """The last goals that were held before the last one, in words."""
-        self.scan: Any = None
-        """What the lidar saw at the time of the last plan."""
         self.reason = ""
         """Why the last plan is none that drives to the goal, in words, where its planner says."""
         self.refused = ""
@@ -157,7 +157,6 @@ class Navigator:
         circles = self._task.circles_at(self.elapsed(now))
         if self._began is not None:
             self._judge(state, circles, now)
-        self.scan = moment.scan
         planned = self._step((state.x, state.y, state.theta), circles, moment)
         self._wanted = planned.v, planned.omega, planned.vy
         self.reason = planned.reason

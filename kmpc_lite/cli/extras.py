@@ -17,8 +17,8 @@ EXTRAS = {
     "mujoco": "kmpc-lab[twin]",
     "pymavlink": BRIDGE,
     "pyulog": LOGS,
+    "rclpy": "kmpc-lite[ros2-test]",
     "rosbags": LOGS,
-    "zenoh": "kmpc-lite[ros2]",
 }
 """Distribution and extra of it that bring a module."""
 LAB_LINE = "pip install kmpc-lab"

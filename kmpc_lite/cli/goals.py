@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from kmpc_lite.cli.numbers import number
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.reading import read_bytes
 
@@ -25,8 +26,8 @@ def pose(words: Sequence[str]) -> tuple[float, float, float]:
 
     Raises
     ------
-    ValueError
-        For what is no finite number, and for radians of more than a turn.
+    ArgumentTypeError
+        For what is no number, and for radians of more than a turn.
 
     Examples
     --------
@@ -34,27 +35,17 @@ def pose(words: Sequence[str]) -> tuple[float, float, float]:
     (1.0, 2.0, 3.141592653589793)
     >>> pose(["1", "2", "90"])
     Traceback (most recent call last):
-    ValueError: theta 90 is more than a turn in radians; for degrees write 90deg
+    argparse.ArgumentTypeError: theta 90 is more than a turn in radians; for degrees write 90deg
     """
-    x, y = (_number(word) for word in words[:2])
+    x, y = map(number, words[:2])
     if (text := words[2].strip()).endswith(DEGREES):
-        return x, y, math.radians(_number(text.removesuffix(DEGREES)))
-    theta = _number(text)
+        return x, y, math.radians(number(text.removesuffix(DEGREES)))
+    theta = number(text)
     if abs(theta) > math.tau:
-        raise ValueError(
+        raise argparse.ArgumentTypeError(
             f"theta {text} is more than a turn in radians; for degrees write {text}{DEGREES}"
         )
     return x, y, theta
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"expected a finite number, got {text}")
-    return value
 
 
 class PoseOption(argparse.Action):
@@ -76,7 +67,7 @@ class PoseOption(argparse.Action):
         """Take three words."""
         try:
             found = pose(values)
-        except ValueError as error:
+        except argparse.ArgumentTypeError as error:
             raise argparse.ArgumentError(self, str(error)) from None
         before = getattr(namespace, self.dest) or ()
         setattr(namespace, self.dest, [*before, found] if self._repeated else list(found))
@@ -129,7 +120,7 @@ def read_route(path: Path) -> list[tuple[float, float, float]]:
     """
     try:
         rows = csv.reader(read_bytes(path, LARGEST_ROUTE).decode("utf-8-sig").splitlines())
-        table = [(number, row) for number, row in enumerate(rows, 1) if any(map(str.strip, row))]
+        table = [(line, row) for line, row in enumerate(rows, 1) if any(map(str.strip, row))]
     except OSError as error:
         raise ScenarioError(f"{path}: cannot read the route: {error.strerror or error}") from error
     except (ValueError, csv.Error) as error:
@@ -137,13 +128,13 @@ def read_route(path: Path) -> list[tuple[float, float, float]]:
     if not table or [name.strip() for name in table[0][1]] != COLUMNS:
         raise ScenarioError(f"{path}: line 1: expected the columns x,y,theta")
     goals = []
-    for number, row in table[1:]:
+    for line, row in table[1:]:
         try:
             if len(row) != len(COLUMNS):
                 raise ValueError(f"expected 3 values, got {len(row)}")
             goals.append(pose(row))
-        except ValueError as error:
-            raise ScenarioError(f"{path}: line {number}: {error}") from None
+        except (ValueError, argparse.ArgumentTypeError) as error:
+            raise ScenarioError(f"{path}: line {line}: {error}") from None
     if not goals:
         raise ScenarioError(f"{path}: expected at least one goal")
     return goals

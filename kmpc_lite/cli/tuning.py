@@ -27,6 +27,8 @@ class Wishes(NamedTuple):
     """Whether the first goal follows the last one, until time is up."""
     clearance: float | None = None
     """To keep from obstacles beyond the radii [m]."""
+    radius: float | None = None
+    """Of the robot [m]."""
     options: Sequence[str] = ()
     """Options of the controller: ``group.option=value``; ``weights.R_change=[0.1, 0.1]``."""
 
@@ -37,6 +39,8 @@ class Wishes(NamedTuple):
         run = table.setdefault("run", {})
         if self.loop:
             run["loop"] = True
+        if self.radius is not None:
+            table["robot"]["radius"] = self.radius
         if self.clearance is not None:
             run["margin"] = self.clearance
         for item in self.options:
@@ -67,7 +71,8 @@ def add_clearance(add: Callable[..., object]) -> None:
 
 def wishes_of(options: argparse.Namespace, tuning: Sequence[str]) -> Wishes:
     """Give what a command line asks for; `tuning` are its ``--set`` of the controller."""
-    return Wishes(goals_of(options), options.loop, options.margin, tuning)
+    given = goals_of(options), options.loop, options.margin, vars(options).get("radius")
+    return Wishes(*given, tuning)
 
 
 def assignment(item: str) -> tuple[list[str], Any]:

@@ -7,6 +7,7 @@ import json
 import signal
 import threading
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TextIO
 
 from firmware_bridge.cli.options import need_driver, people
@@ -14,7 +15,6 @@ from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
-from kmpc_lab.cli.topics import add_topic_options, emulate_topics
 from kmpc_lab.emulator.build import Emulator, build_emulator
 from kmpc_lab.emulator.lidar.kinds import Eyes
 from kmpc_lab.emulator.mocap import MocapSender
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from kmpc_lab.emulator.lidar.lidar import LidarEmulator
     from kmpc_lite.scenario.files import Scenario
 
+TOPICS = "topics"
+"""Instead of a link: those of ROS 2."""
+SCENARIO = "four_circles_1"
+"""Of a robot behind ROS 2 topics, if none is named."""
 SHOWN = 0.5
 """Between pictures of the pose [s]."""
 
@@ -81,13 +85,37 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="time after boot without arming [s] (default: 2)",
     )
     add("--seconds", type=positive, metavar="S", help="end after this time [s]")
-    add_topic_options(parser)
+    _add_topic_options(parser)
+
+
+def _add_topic_options(parser: argparse.ArgumentParser) -> None:
+    """Add what only a robot behind ROS 2 topics has."""
+    add = parser.add_argument_group("ros2").add_argument
+    add(
+        "--sees",
+        action="append",
+        choices=("map", "scan", "nothing"),
+        help="topics that show obstacles (default: map and scan); repeatable",
+    )
+    add("--stamped", action="store_true", help="commands are TwistStamped")
+    add("--drifts", action="store_true", help="odometry begins at zero; amcl_pose tells where")
+    add("--use-sim-time", action="store_true", help="publish /clock, and stamp with it")
+    add(
+        "--ros-args",
+        nargs=argparse.REMAINDER,
+        default=[],
+        metavar="...",
+        help="ROS arguments, last: -r __ns:=/robot",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Emulate a robot until Ctrl-C, or for so long."""
     if options.robot == "ros2":
-        return emulate_topics(options)
+        report = emulate(_topics(options), TOPICS, options.seconds, people(options))
+        if options.json:
+            print(json.dumps(report))
+        return 0
     autopilot = options.robot == "mavlink"
     driver = "mavlink" if autopilot else None
     name = options.lidar if isinstance(options.lidar, str) else None
@@ -114,6 +142,24 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(report))
     return 0
+
+
+def _topics(options: argparse.Namespace) -> Emulator:
+    """Build a robot behind ROS 2 topics."""
+    need("without /opt/ros/$ROS_DISTRO/setup.bash sourced, kmpc emulate ros2", "rclpy")
+    from kmpc_lab.emulator.ros2.robot import EmulatedRobot, Ros2Emulator
+    from kmpc_lite.scenario.files import Scenario
+
+    given: dict[str, Any] = {
+        "start": None if options.start is None else tuple(options.start),
+        "slip": options.slip,
+        "turn_gain": options.turn_gain,
+    }
+    changed = {name: value for name, value in given.items() if value is not None}
+    scenario = replace(Scenario.load(options.scenario or SCENARIO), **changed)
+    sees = tuple(name for name in options.sees or ("map", "scan") if name != "nothing")
+    robot = EmulatedRobot(sees, options.stamped, options.drifts, options.use_sim_time)
+    return Ros2Emulator(scenario, robot, options.seed, tuple(options.ros_args))
 
 
 def _emulator(
@@ -165,7 +211,7 @@ def emulate(
     ConfigError, LinkError
         Where the link cannot be served.
     """
-    if LinkUrl.parse(url).kind == "serial":
+    if url != TOPICS and LinkUrl.parse(url).kind == "serial":
         raise ConfigError(f"link {url}: an emulator serves pty:, tcp: or udp:; give --link")
     done = threading.Event()
     handlers = {

@@ -142,7 +142,7 @@ def test_every_extra_that_is_reported_is_one_of_its_project() -> None:
     for module, wanted in EXTRAS.items():
         name, _, extra = wanted.rstrip("]").partition("[")
         if module != "PIL":  # comes with matplotlib
-            lines = [line.removeprefix("eclipse-") for line in projects[name][extra]]
+            lines = [line.removeprefix("ros-") for line in projects[name][extra]]
             assert any(line.startswith(module) for line in lines), module
 
 
@@ -157,8 +157,8 @@ def test_an_extra_exists_only_where_code_uses_it(
     files = [file for name in packages for file in (ROOT / name).rglob("*.py")]
     code = "\n".join(file.read_text() for file in files)
     for extra, lines in project["optional-dependencies"].items():
-        for line in lines if extra not in ("clients", "docs", "dev") else ():
-            module = re.split(r"[^\w]", line.replace("dask[", "").replace("eclipse-", ""))[0]
+        for line in lines if extra not in ("clients", "docs", "dev", "ros2-test") else ():
+            module = re.split(r"[^\w]", line.replace("dask[", "").replace("ros-", ""))[0]
             assert re.search(rf"^\s*(import|from) {module}\b", code, re.MULTILINE), (extra, module)
 
 

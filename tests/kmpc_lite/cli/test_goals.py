@@ -23,7 +23,7 @@ def test_a_route_file_is_the_same_as_its_goals(tmp_path) -> None:
     )
 
 
-@pytest.mark.parametrize("theta", ["90", "-6.3", "1e9"])
+@pytest.mark.parametrize("theta", ["90", "-6.3", "1e8"])
 def test_more_than_a_turn_without_a_suffix_is_doubted(theta: str) -> None:
     with pytest.raises(Exception, match=f"for degrees write {theta}deg"):
         parsed(f"--goal 0 0 {theta}")
@@ -35,7 +35,7 @@ def test_more_than_a_turn_without_a_suffix_is_doubted(theta: str) -> None:
         ("1,2,3\n", "line 1: expected the columns x,y,theta"),
         ("x,y,theta\n", "expected at least one goal"),
         ("x,y,theta\n0,0,0\n1,2\n", "line 3: expected 3 values, got 2"),
-        ("x,y,theta\n0,nan,0\n", "line 2: expected a finite number, got nan"),
+        ("x,y,theta\n0,nan,0\n", "line 2: expected a number, got nan"),
     ],
 )
 def test_a_wrong_route_is_reported_with_its_line(tmp_path, text: str, words: str) -> None:

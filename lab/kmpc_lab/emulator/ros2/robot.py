@@ -1,40 +1,45 @@
-"""A robot among a scenario's obstacles whose only link are ROS 2 topics."""
+"""A robot among a scenario's obstacles whose only link are ROS 2 topics: a node of rclpy."""
 
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, PoseWithCovarianceStamped, Twist, TwistStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 
-from firmware_bridge.link.url import LinkUrl
-from firmware_bridge.messages import ConfigError
-from firmware_bridge.ros2.message_types import CLOCK, GRID, ODOMETRY, SCAN, TF, TWIST, TWIST_STAMPED
-from firmware_bridge.ros2.names import Qos
-from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
-from firmware_bridge.ros2.transforms import planar, planar_matrix
-from kmpc_lab.emulator.ros2.messages import RobotMessages
+from firmware_bridge.ros2.geometry import Place
 from kmpc_lab.emulator.ros2.world import World
 from kmpc_lab.sim.plants.plant import scenario_plant
-from kmpc_lite.control import Footprint
 from kmpc_lite.geometry import rotate
-from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.gaps import obstacle_gaps
-from kmpc_lite.types import Array
 
 STEP = 0.02
 """Of the physics, and between two odometry messages [s]."""
 MOTOR_LAG = 0.05
-SCANNER = (0.05, 0.0, 0.0)
-"""Where the scanner sits on the robot [m, m, rad]."""
-LATCHED = Qos(transient_local=True, depth=1)
+BEAMS, FARTHEST, SCAN_EVERY = 360, 8.0, 5
+"""Of the scanner at the robot's centre; how far it sees [m]; steps between two scans."""
+LOCALISED_EVERY = 50
+"""Steps between two messages of the localisation."""
+WATCHDOG = 0.5
+"""It stops when it hears no command for so long [s]."""
 BEHIND = 1.0
 """A simulator that is farther behind does not catch up [s]."""
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass(frozen=True)
@@ -45,51 +50,37 @@ class EmulatedRobot:
     """Which topics tell of obstacles."""
     stamped: bool = False
     """Whether it listens to TwistStamped."""
-    wheelbase: float = 0.0
-    """Of a car that listens to AckermannDriveStamped [m]."""
+    drifts: bool = False
+    """Whether odometry begins at zero, in `odom`, and `amcl_pose` tells where that is; else it is
+    that of the map."""
     simulated_time: bool = False
     """Whether stamps count from the start, and /clock is published."""
-    watchdog: float = 0.5
-    """It stops when it hears no command for so long [s]."""
-    beams: int = 360
-    farthest: float = 8.0
-    """How far the scanner sees [m]."""
-    scan_period: float = 0.1
-    """[s]"""
 
 
 class Ros2Emulator:
-    """Publishes odometry, transforms, scan and map, and obeys cmd_vel, on the scenario's wheels.
-
-    Odometry begins at zero, wherever the robot stands: ``map -> odom`` tells where that is, as a
-    localisation does.
+    """Publishes odometry, scan and map, and obeys cmd_vel, on the scenario's wheels.
 
     Parameters
     ----------
-    node : NodeOptions
-        Its node, and where the network is; `start` makes it the router of another place.
     scenario : Scenario
         Start, floor and obstacles.
-    robot : EmulatedRobot
+    robot : EmulatedRobot, optional
         What it has.
     seed : int
         Of the slip.
-    clock, stamps : callable
-        Monotonic time, and the time of stamps [s].
+    arguments : sequence of str
+        Of ROS: ``-r __ns:=/robot``.
     """
 
     def __init__(
         self,
-        node: NodeOptions,
         scenario: Scenario,
         robot: EmulatedRobot | None = None,
         seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
-        stamps: Callable[[], float] = time.time,
+        arguments: tuple[str, ...] = (),
     ) -> None:
-        self._options, self._scenario = node, scenario
+        self._scenario, self._arguments = scenario, arguments
         self._robot = EmulatedRobot() if robot is None else robot
-        self._clock, self._stamps = clock, stamps
         self._world = World(scenario)
         # which lags only on wheels on either side
         driven = replace(scenario, seed=seed, lag=scenario.lag or MOTOR_LAG)
@@ -99,151 +90,150 @@ class Ros2Emulator:
         self._command, self._heard = self._still, -math.inf
         self.commands = 0
         """Number of commands that came."""
-        self._began = self._now = clock()
+        self.clearance = math.inf
+        """Least distance between the edges of the robot and the nearest obstacle so far [m]."""
+        self.silent: set[str] = set()
+        """Topics that are not published for now."""
         self._steps = 0
-        self._lock = threading.Lock()
-        self.node: Node | None = None
-        """Its session, while it is there."""
-        self._publishers: dict[str, Publisher] = {}
-        self._listener: Subscription | None = None
         self._quit = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def start(self, url: str) -> None:
-        """Be the router at tcp:HOST:PORT, and the robot; LinkError where the port is taken."""
-        link = LinkUrl.parse(url)
-        if link.kind != "tcp":
-            raise ConfigError(f"link {url}: the topics of a robot are served at tcp:HOST:PORT")
-        host, port = link.address()
-        host = f"[{host}]" if ":" in host else host
-        self._options = replace(self._options, router=True, listen=(f"tcp/{host}:{port}",))
-        self.open()
+    def start(self, url: str = "") -> None:
+        """Appear on the network: of this machine alone, unless the environment says otherwise."""
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        self._context = rclpy.Context()
+        rclpy.init(args=["--ros-args", *self._arguments], context=self._context)
+        self._node = node = rclpy.create_node("emulated_robot", context=self._context)
+        topics: list[tuple[str, type, Any]] = [("odom", Odometry, 10)]
+        seen = {"scan": (LaserScan, SENSOR), "map": (OccupancyGrid, LATCHED)}
+        topics += [(name, *seen[name]) for name in self._robot.sees]
+        topics += [("amcl_pose", PoseWithCovarianceStamped, LATCHED)] * self._robot.drifts
+        topics += [("/clock", Clock, SENSOR)] * self._robot.simulated_time
+        self._publishers: dict[str, Any] = {
+            name: node.create_publisher(kind, name, qos) for name, kind, qos in topics
+        }
+        kind = TwistStamped if self._robot.stamped else Twist
+        node.create_subscription(kind, "cmd_vel", self._take, 1)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(node)
+        self._began = time.monotonic() - self._steps * STEP
+        if "map" in self._robot.sees:
+            self._publishers["map"].publish(self._map())
         self._thread = threading.Thread(target=self._run, name="ros2-robot", daemon=True)
         self._thread.start()
-
-    def open(self) -> None:
-        """Appear on the network, without a thread of its own."""
-        robot = self._robot
-        self.node = node = Node(self._options)
-        node.open()
-        topics = [("odom", ODOMETRY, Qos()), ("/tf", TF, Qos(depth=100))]
-        topics.append(("/tf_static", TF, LATCHED))
-        if "scan" in robot.sees:
-            topics.append(("scan", SCAN, Qos(reliable=False, depth=5)))
-        if "map" in robot.sees:
-            topics.append(("map", GRID, LATCHED))
-        if robot.simulated_time:
-            topics.append(("/clock", CLOCK, Qos(reliable=False, depth=1)))
-        self._publishers = {name: node.publisher(name, kind, qos) for name, kind, qos in topics}
-        kind = TWIST_STAMPED if robot.stamped else TWIST
-        kind = ACKERMANN_STAMPED if robot.wheelbase else kind
-        self._listener = node.subscription("cmd_vel", kind, Qos(depth=1))
-        messages, stamp = RobotMessages(node.types), self._stamp()
-        still = messages.transforms(("base_link", "laser", SCANNER), time=stamp)
-        self._publishers["/tf_static"].publish(still)
-        if "map" in robot.sees:
-            self._publishers["map"].publish(messages.map(self._world.cells(), stamp, "map"))
 
     @property
     def pose(self) -> tuple[float, float, float]:
         """True x, y [m], theta [rad] in the map."""
-        with self._lock:
-            x, y, theta = self._pose.tolist()
+        x, y, theta = self._pose.tolist()
         return x, y, theta
 
-    @property
-    def footprint(self) -> Footprint | None:
-        """What it covers; none if it is round."""
-        return self._scenario.footprint
+    def put(self, x: float, y: float, theta: float) -> None:
+        """Carry it elsewhere [m, m, rad]."""
+        self._pose = np.array((x, y, theta))
 
     @property
     def stopped(self) -> bool:
         """Whether it is commanded to stand."""
         return not self._command.any()
 
-    @property
-    def clearance(self) -> float:
-        """Distance between the edges of the robot and the nearest obstacle [m]."""
-        return float(obstacle_gaps(self._scenario, self._pose[None], np.zeros(1))[0])
-
-    def advance(self) -> None:
-        """Drive on until now, and publish what the sensors see."""
-        assert self.node is not None, "open comes first"
-        self.listen()
-        now = self._clock()
-        if now - self._began - self._steps * STEP > BEHIND:
-            self._began = now - (self._steps + 1) * STEP
-        while self._began + (self._steps + 1) * STEP <= now + 1e-9:
-            self._steps += 1
-            self._step(self._began + self._steps * STEP)
-
     def close(self) -> None:
         """Leave the network, as a robot that loses power; `start` brings it back where it was."""
         self._quit.set()
         if self._thread is not None:
             self._thread.join()
+            self._executor.shutdown()
+            self._node.destroy_node()
+            self._context.shutdown()
             self._thread = None
-        if self.node is not None:
-            self.node.close()
-            self.node = None
         self._quit.clear()
         self._command = self._still
 
-    def listen(self) -> None:
-        """Take the commands that have come."""
-        assert self._listener is not None
-        while (taken := self._listener.take()) is not None:
-            if taken[0] is None:
-                continue
-            command = self._read(taken[0])
-            if np.isfinite(command).all():
-                self._command, self._heard = command, self._clock()
-                self.commands += 1
+    def _run(self) -> None:
+        while not self._quit.is_set():
+            self._executor.spin_once(timeout_sec=0.25 * STEP)
+            now = time.monotonic()
+            if now - self._began - self._steps * STEP > BEHIND:
+                self._began = now - (self._steps + 1) * STEP
+            while self._began + (self._steps + 1) * STEP <= now:
+                self._steps += 1
+                self._step(now)
 
-    def _read(self, message: Any) -> Array:
-        """What a message commands the wheels."""
-        if self._robot.wheelbase:
-            v = message.drive.speed
-            return np.array((v, v * math.tan(message.drive.steering_angle) / self._robot.wheelbase))
+    def _take(self, message: Any) -> None:
         twist = message.twist if self._robot.stamped else message
-        v, omega = twist.linear.x, twist.angular.z
-        return np.array((v, omega) if len(self._still) == 2 else (v, twist.linear.y, omega))
+        v, vy, omega = twist.linear.x, twist.linear.y, twist.angular.z
+        command = np.array((v, omega) if len(self._still) == 2 else (v, vy, omega))
+        if np.isfinite(command).all():
+            self._command, self._heard = command, time.monotonic()
+            self.commands += 1
 
     def _step(self, now: float) -> None:
         """One step of the physics, and what is due after it."""
-        if now - self._heard > self._robot.watchdog:
+        if now - self._heard > WATCHDOG:
             self._command = self._still
         before = self._pose
-        with self._lock:
-            self._pose = self._plant.trace(before, self._command, STEP, 1)[0]
-        assert self.node is not None
-        messages, stamp = RobotMessages(self.node.types), self._stamp()
-        publish = {name: publisher.publish for name, publisher in self._publishers.items()}
-        if self._robot.simulated_time:
-            publish["/clock"](messages.clock(stamp))
-        start = planar_matrix(*self._scenario.start)
-        here = planar(np.linalg.inv(start) @ planar_matrix(*self._pose.tolist()))[:3]
-        every = max(1, round(self._robot.scan_period / STEP))
-        links = [("odom", "base_link", here)]
-        if self._steps % every == 1:
-            links.append(("map", "odom", self._scenario.start))
-        publish["/tf"](messages.transforms(*links, time=stamp))
+        self._pose = self._plant.trace(before, self._command, STEP, 1)[0]
+        gap = obstacle_gaps(self._scenario, self._pose[None], np.zeros(1))[0]
+        self.clearance = min(self.clearance, float(gap))
+        here, frame = Place(*self._pose.tolist()), "map"
+        if self._robot.drifts:
+            here, frame = Place(*self._scenario.start).inverse.of(here), "odom"
         moved = (self._pose - before) / STEP
         v, vy = rotate(moved[0], moved[1], -before[2] - 0.5 * STEP * moved[2])
-        publish["odom"](messages.odometry(here, (v, moved[2], vy), stamp, "odom", "base_link"))
-        if "scan" in publish and self._steps % every == 1:
-            publish["scan"](messages.scan(self._ranges(), self._robot.farthest, stamp, "laser"))
+        odometry = Odometry(header=self._header(frame), child_frame_id="base_link")
+        odometry.pose.pose, twist = _pose(here), odometry.twist.twist
+        twist.linear.x, twist.linear.y, twist.angular.z = float(v), float(vy), float(moved[2])
+        self._publish("/clock", lambda: Clock(clock=self._stamp()))
+        self._publish("odom", lambda: odometry)
+        if self._steps % LOCALISED_EVERY == 1:
+            self._publish("amcl_pose", self._localised)
+        if self._steps % SCAN_EVERY == 1:
+            self._publish("scan", self._scan)
 
-    def _ranges(self) -> Array:
-        eye = planar(planar_matrix(*self._pose.tolist()) @ planar_matrix(*SCANNER))
-        beams = self._robot.beams
-        angles = eye.theta - math.pi + 2.0 * math.pi / beams * np.arange(beams)
-        return self._world.ranges(np.array(eye[:2]), angles, self._robot.farthest)
+    def _publish(self, name: str, make: Any) -> None:
+        if name in self._publishers and name not in self.silent:
+            self._publishers[name].publish(make())
 
-    def _stamp(self) -> float:
-        """Time of a message sent now [s]."""
-        return self._steps * STEP if self._robot.simulated_time else self._stamps()
+    def _localised(self) -> PoseWithCovarianceStamped:
+        found = PoseWithCovarianceStamped(header=self._header("map"))
+        found.pose.pose = _pose(Place(*self._pose.tolist()))
+        return found
 
-    def _run(self) -> None:
-        while not self._quit.wait(0.5 * STEP):
-            self.advance()
+    def _scan(self) -> LaserScan:
+        x, y, theta = self._pose
+        angles = theta - math.pi + math.tau / BEAMS * np.arange(BEAMS)
+        ranges = self._world.ranges(np.array((x, y)), angles, FARTHEST)
+        return LaserScan(
+            header=self._header("base_link"),
+            angle_min=-math.pi,
+            angle_max=math.pi,
+            angle_increment=math.tau / BEAMS,
+            range_min=0.01,
+            range_max=FARTHEST,
+            ranges=ranges.astype(np.float32),
+        )
+
+    def _map(self) -> OccupancyGrid:
+        cells = self._world.cells()
+        height, width = cells.cells.shape
+        grid = OccupancyGrid(header=self._header("map"))
+        grid.info.resolution, grid.info.width, grid.info.height = cells.resolution, width, height
+        grid.info.origin = _pose(Place(*cells.origin, 0.0))
+        grid.data = cells.cells.reshape(-1).tolist()
+        return grid
+
+    def _header(self, frame: str) -> Header:
+        return Header(stamp=self._stamp(), frame_id=frame)
+
+    def _stamp(self) -> Time:
+        seconds = self._steps * STEP if self._robot.simulated_time else time.time()
+        whole = math.floor(seconds)
+        return Time(sec=whole, nanosec=int((seconds - whole) * 1e9))
+
+
+def _pose(place: Place) -> Pose:
+    pose = Pose()
+    pose.position.x, pose.position.y = float(place.x), float(place.y)
+    half = 0.5 * float(place.theta)
+    pose.orientation.z, pose.orientation.w = math.sin(half), math.cos(half)
+    return pose

@@ -67,7 +67,7 @@ class World:
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         reach = np.zeros(len(angles))
         for _ in range(STEPS):
-            gap = self.distances(eye + reach[:, None] * along)
+            gap = np.minimum(self.distances(eye + reach[:, None] * along), farthest)
             moving = (gap > CLOSE) & (reach < farthest)
             if not moving.any():
                 break
