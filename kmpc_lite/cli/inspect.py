@@ -73,7 +73,8 @@ def describe(found: Findings) -> str:
     lines += [f"{name:<8} {text}" for name, text in found.lines]
     lines += [f"note     {text}" for text in found.notes]
     lines += [paint(f"suspect  {text}", "red", sys.stdout) for text in found.suspects]
-    good = () if found.suspects or found.early else ("good     nothing is suspect",)
+    lines += [f"doubt    {text}" for text in found.doubts]
+    good = () if found.suspects or found.doubts else ("good     nothing is suspect",)
     return "\n".join([*lines, *good])
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
-from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import ACROSS, ALONG, HEADING, NAMES, NOMINAL
 from kmpc_lite.learn.evaluation import FitReport, evaluate
@@ -23,6 +22,7 @@ from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.learn.selection import learned_axes
+from kmpc_lite.learn.still import refuse_car_like
 from kmpc_lite.model.dictionary import (
     Dictionary,
     HermiteTrigDictionary,

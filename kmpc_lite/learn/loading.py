@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.checklist import LogVerdict, judge, refuse_car_like
-from kmpc_lite.learn.checks.motion import tell_poses
-from kmpc_lite.learn.checks.relations import is_early, refuse_late, tell_delay
+from kmpc_lite.learn.checks import LogVerdict, judge, refuse_late, tell_delay
 from kmpc_lite.learn.cutting import cut, even_stamps, model_period
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.learn.poses import tell_poses
+from kmpc_lite.learn.still import refuse_car_like
 
 SAMPLES_PER_PERIOD = 20.0
 """Samples of a stream that are kept within one of the model's periods."""
@@ -88,7 +88,7 @@ def _account(log: Log, verdict: LogVerdict, dt: float, tell: Callable[[str], Non
     """Tell how a log was read, and what is remarkable in it at the model's period [s]."""
     delay = () if verdict.delay is None else (f"motion {tell_delay(verdict.delay, dt)}",)
     forced = (f"suspect, and forced: {suspect.reason}" for suspect in verdict.suspects)
-    for line in (*log.notes, *delay, *tell_poses(log, dt), *forced):
+    for line in (*log.notes, *verdict.notes, *delay, *tell_poses(log, dt), *forced):
         tell(f"{log.name}: {line}")
 
 
@@ -115,8 +115,8 @@ class Findings:
     """What it is about, and what there is to say."""
     notes: tuple[str, ...]
     suspects: tuple[str, ...]
-    early: bool
-    """Whether the motion comes before its command."""
+    doubts: tuple[str, ...]
+    """What is doubtful of the delay."""
 
     def as_dict(self) -> dict[str, Any]:
         """All of it as values that JSON can hold."""
@@ -124,7 +124,7 @@ class Findings:
             "log": self.name,
             "topics": [topic._asdict() for topic in self.topics],
             **dict(self.lines),
-            "notes": list(self.notes),
+            "notes": [*self.notes, *self.doubts],
             "suspects": list(self.suspects),
         }
 
@@ -158,8 +158,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         ("drives", drives),
         ("delay", _tell_delay(verdict.delay, log)),
     )
-    early = verdict.delay is not None and is_early(verdict.delay, model_period(log))
-    return Findings(str(file), log, log.topics, lines, tuple(notes), tuple(suspects), early)
+    return Findings(str(file), log, log.topics, lines, tuple(notes), tuple(suspects), verdict.notes)
 
 
 def _read(file: Path, how: ReadOptions) -> tuple[Log, list[str]]:

@@ -149,6 +149,10 @@ class Log:
     """What the numbers of a command are: v and omega; v, lateral and omega; v and steering..."""
     steered: bool = False
     """Whether the commands are a car's: turn rates are speeds times the curvature of its wheels."""
+    header_units: Mapping[str, str] = field(default_factory=dict)
+    """Units that the file's own header gave, by our names."""
+    wheel_speeds: bool = False
+    """Whether v and omega were made of the speeds of a left and a right wheel."""
     shares: bool = False
     """Whether the commands are shares of full throttle and steering: their size tells nothing."""
 

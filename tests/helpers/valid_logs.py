@@ -205,13 +205,6 @@ def _counted(table: np.ndarray) -> np.ndarray:
     return table
 
 
-def _wheels(table: np.ndarray) -> np.ndarray:
-    """Speeds of the left and the right wheel, which stand 0.4 m apart."""
-    v, omega = table[:, 4].copy(), 0.2 * table[:, 5]
-    table[:, 4], table[:, 5] = v - omega, v + omega
-    return table
-
-
 MM, DEG = 1e3, 180.0 / np.pi
 MM_PATH = _all(_times("x", MM), _times("y", MM))
 NED = _all(_columns([0, 2, 1, 3, 4, 5]), _times("theta", -1.0), _turned(0.5 * np.pi))
@@ -243,12 +236,11 @@ WRONG: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "exchanged": (_columns([0, 1, 2, 3, 5, 4]), "does not follow the commands"),
     "s as ns": (_times("t", 1e-9), "--units t=s"),
     "place frozen": (_all(_constant(1, 3.0), _constant(2, 4.0)), "x and y never change"),
-    "rows": (_counted, "t counts rows"),
+    "rows": (_counted, "t, or both of them, are in another unit"),
     "rpm": (_times("omega", 60.0 / (2.0 * np.pi)), "--units omega=rpm"),
     "theta in cdeg": (_times("theta", 100.0 * DEG), "does not follow the commands"),
     "latitude": (_all(_times("x", 1e-5), _times("y", 1e-5)), "longitude and latitude"),
-    "pixels": (_all(_times("x", 200.0), _times("y", -200.0)), "--units x=cm y=cm"),
-    "wheels": (_wheels, "the speeds of two wheels"),
+    "pixels": (_all(_times("x", 200.0), _times("y", -200.0)), "198 times as long as v says"),
     "another plane": (_constant(2, 0.0), "y never changes"),
     "no commands": (_all(_constant(4, 0.0), _constant(5, 0.0)), "all commands are 0"),
 }
