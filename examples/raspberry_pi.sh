@@ -12,7 +12,7 @@ PREFIX=/opt/kmpc
 ETC=/etc/kmpc
 UNIT=/etc/systemd/system/kmpc-bridge.service
 RULES=/etc/udev/rules.d/60-kmpc.rules
-PACKAGES="python3-venv python3-dev gcc libc6-dev" # a compiler: some functions of a step run in C then
+PACKAGES="python3-venv python3-dev gcc libc6-dev"
 
 usage() {
     sed -n '2,8s/^# \{0,1\}//p' "$0"

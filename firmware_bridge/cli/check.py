@@ -112,17 +112,8 @@ def check(robot: Robot, seconds: float) -> list[Finding]:
     """
     found = [Finding(True, f"{robot.where}: {robot.link.driver} at {robot.link.url}")]
     found += [Finding(ok, text) for ok, text in describe_model(robot)]
-    found += [_kernels(), *_estop(robot)]
+    found += _estop(robot)
     return found + _answers(robot, seconds)
-
-
-def _kernels() -> Finding:
-    """Whether the numeric functions of a step run in C on this machine."""
-    from kmpc_lite.control.kernels import compiled_kernels
-
-    if compiled_kernels() is not None:
-        return Finding(True, "the controller's numeric functions run in C")
-    return Finding(True, "the controller's numeric functions run in NumPy: not built in C")
 
 
 def _answers(robot: Robot, seconds: float) -> list[Finding]:

@@ -19,7 +19,7 @@ LOGS = (
 )
 
 
-def add_log_options(parser: argparse.ArgumentParser) -> None:
+def add_log_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
     """Add LOG and what tells how it is to be read."""
     add = parser.add_argument
     add("log", type=Path, nargs="+", metavar="LOG", help=LOGS)
@@ -65,6 +65,12 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         help="distance between left and right wheels, if the commands are their speeds",
     )
     add(
+        "--wheel-radius",
+        type=positive,
+        metavar="M",
+        help="of the wheels, if their speeds are turns: --units left=rpm right=rpm",
+    )
+    add(
         "--wheelbase",
         type=positive,
         metavar="M",
@@ -105,6 +111,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
         commands=options.commands,
         track=options.track,
         wheelbase=options.wheelbase,
+        wheel_radius=options.wheel_radius,
         shift=options.shift,
         force=getattr(options, "force", False),
         progress=ProgressBar("reading", quiet=options.json),

@@ -12,7 +12,6 @@ from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control import settings as settings_of
 from kmpc_lite.control.estimate.history import CommandHistory, whole_age
 from kmpc_lite.control.guiding import make_guide
-from kmpc_lite.control.kernels import choose_kernels
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.mobility import check_motion, following, movable
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
@@ -73,8 +72,6 @@ class Controller:
         Everything else that can be tuned.
     planner : Planner, optional
         Finds the paths of the guidance, in metres and seconds; one of ours if not given.
-    compiled : bool, optional
-        Whether the numeric functions of a step run in C: if not given, if they were built.
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
@@ -120,7 +117,6 @@ class Controller:
         solver: str | MakeSolver = DEFAULT_SOLVER,
         options: ControllerOptions | None = None,
         planner: Planner | None = None,
-        compiled: bool | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         problem = settings_of.choose_problem(problem)
@@ -136,11 +132,9 @@ class Controller:
             solver=solver,
             options=options,
             planner=planner,
-            compiled=compiled,
             clock=clock,
         )
         settings_of.check_settings(model, problem, settings)
-        kernels = choose_kernels(compiled)
         self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
         tightens, guides = tightening is not None, bool(guidance)
@@ -150,7 +144,7 @@ class Controller:
         self.adaptation = settings_of.adaptation_of(learns, model)
         self.units = units = problem_in_units(problem, model, guides)
         self._pose_age = age = whole_age(pose_age, model) / scale.time
-        self._examiner = Examiner(units, scale, options, tightens, guides, kernels)
+        self._examiner = Examiner(units, scale, options, tightens, guides)
         self._sqp = SQP(
             units,
             model.history,
@@ -161,11 +155,10 @@ class Controller:
             step=options.step,
             solver=solver,
             clock=clock,
-            kernels=kernels,
         )
         settings_of.check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
-        guide = make_guide(units, options, clock, planner, scale, kernels) if guidance else None
-        self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age, kernels)
+        guide = make_guide(units, options, clock, planner, scale) if guidance else None
+        self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age)
         self._admission = Admission(scale, self._pipeline.scene)
         self._learned = model
         self.reset()

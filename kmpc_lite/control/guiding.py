@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.clearance import later
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
@@ -128,7 +127,6 @@ def make_guide(
     clock: Callable[[], float],
     planner: Planner | None,
     scale: Scale,
-    kernels: Kernels,
 ) -> Guide:
     """Make the guide of a robot; arguments in its units, but for the clock [s] and the planner."""
     # here, for its graph search costs as much to import as all the rest
@@ -137,4 +135,4 @@ def make_guide(
 
     own = None if planner is None else InMetres(planner, scale)
     moving = options.moving_obstacles
-    return Guide(units, options.guidance, moving, clock, own, kernels)
+    return Guide(units, options.guidance, moving, clock, own)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
@@ -35,13 +35,11 @@ LITTLE_TURN = 0.25
 too far, here 0.3 %, which is far below what slip does, and takes half the time."""
 
 
-def motion_model(
-    model: KoopmanModel, units: NavigationProblem, scale: Scale, kernels: Kernels = NUMPY
-) -> MotionModel:
+def motion_model(model: KoopmanModel, units: NavigationProblem, scale: Scale) -> MotionModel:
     """Return a model in the robot's units, as all phases of a step use it."""
     turns_little = units.dt * fastest(units)[1] <= LITTLE_TURN
     driven = replace(model, integrator="midpoint" if turns_little else model.integrator)
-    return in_units(driven.with_closed_form(kernels.closed_form), scale)
+    return in_units(driven.with_closed_form(library.closed_form), scale)
 
 
 def problem_in_units(
@@ -71,8 +69,6 @@ class Examiner:
         What can be tuned.
     tightens, guides : bool
         Whether there are margins, and whether there is guidance.
-    kernels : Kernels
-        Compute margins and predictions.
     """
 
     def __init__(
@@ -82,9 +78,7 @@ class Examiner:
         options: ControllerOptions,
         tightens: bool,
         guides: bool,
-        kernels: Kernels = NUMPY,
     ) -> None:
-        self._kernels = kernels
         self._units, self._scale, self._options = units, scale, options
         self._tightens, self._guides = tightens, guides
         self._learned: tuple[KoopmanModel, Capabilities] | None = None
@@ -92,7 +86,7 @@ class Examiner:
     def examine(self, base: KoopmanModel, model: KoopmanModel) -> Knowledge:
         """Work out all that follows from the learned model and the one in use."""
         adapted = model is not base
-        motion = motion_model(model, self._units, self._scale, self._kernels)
+        motion = motion_model(model, self._units, self._scale)
         margins = self._margins(motion, adapted)
         if not self._guides:
             return Knowledge(motion, margins, None)
@@ -109,14 +103,13 @@ class Examiner:
             self._units,
             self._options.margins,
             adapted=adapted,
-            kernels=self._kernels,
         )
 
     def _learned_capabilities(self, base: KoopmanModel) -> Capabilities:
         if self._learned is None or self._learned[0] is not base:
             from kmpc_lite.control.path.capabilities import capabilities
 
-            motion = motion_model(base, self._units, self._scale, self._kernels)
+            motion = motion_model(base, self._units, self._scale)
             options = self._options
             margins = self._margins(motion, adapted=False)
             found = capabilities(motion, self._units, margins, options.guidance, options.goal)

@@ -18,7 +18,6 @@ from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.estimate.lateness import Lateness
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
-from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
@@ -72,8 +71,6 @@ class Pipeline:
         Finds paths.
     pose_age : float
         How old poses are on arrival, in the robot's units of time.
-    kernels : Kernels
-        Compute.
     """
 
     def __init__(
@@ -85,7 +82,6 @@ class Pipeline:
         sqp: SQP,
         guide: Guide | None,
         pose_age: float,
-        kernels: Kernels,
     ) -> None:
         step = options.step
         self._options, self._problem = options, units
@@ -94,8 +90,7 @@ class Pipeline:
         self._newest = min(problem.dt / MOTION_TIME, 1.0)
         self._rates, self._lateness = RateLimit(units), Lateness(units, pose_age)
         self._emerging_speed = options.sight.emerging_speed / scale.speed
-        self._kernels = kernels
-        motions = SafeMotions(units, options.stop, kernels)
+        motions = SafeMotions(units, options.stop)
         self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
         self.fallback = Fallback(units, motions, self._verification, self._rates, self._answers)
@@ -103,7 +98,7 @@ class Pipeline:
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
         reach += REACH_BEYOND_PLAN * unit
         self.scene = Scene(scale.length, reach, LOOKUP_DISTANCE * unit, options.obstacles)
-        self._watching = Watching(units, scale, options, reach, self._answers, kernels)
+        self._watching = Watching(units, scale, options, reach, self._answers)
         self._standstill = StandstillWatch(units, scale, options.guidance)
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
@@ -188,7 +183,6 @@ class Pipeline:
                 known=math.inf if known_range is None else known_range + self._problem.body_radius,
                 emerging_speed=self._emerging_speed,
                 unknown=seen.view.unknown if seen.view and self._emerging_speed else None,
-                kernels=self._kernels,
             ),
             margins=known.margins,
             felt=seen.felt,

@@ -51,9 +51,9 @@ def scalar(name: str, value: Any, above_zero: bool) -> None:
 def stages(horizon: Any) -> None:
     """Raise ProblemError for what is no usable horizon."""
     whole = not isinstance(horizon, bool) and isinstance(horizon, int | np.integer)
-    if not whole or not 1 <= horizon <= 1000:
+    if not whole or not 1 <= horizon <= 200:
         raise ProblemError(
-            f"horizon: expected a whole number of stages from 1 to 1000, got {horizon!r}"
+            f"horizon: expected a whole number of stages from 1 to 200, got {horizon!r}"
         )
 
 

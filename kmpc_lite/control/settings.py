@@ -47,7 +47,6 @@ class Settings:
     solver: str | MakeSolver
     options: ControllerOptions
     planner: Planner | None
-    compiled: bool | None
     clock: Callable[[], float]
 
 
@@ -94,8 +93,6 @@ def check_settings(model: Any, problem: NavigationProblem, settings: Settings) -
             f"{len(problem.u_min)}"
         )
     check_period(model, problem)
-    if settings.compiled is not None and not isinstance(settings.compiled, bool):
-        raise ProblemError(f"compiled: expected True, False or None, got {settings.compiled!r}")
     for name in ("sqp_iterations", "obstacle_slots"):
         value = getattr(settings, name)
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:

@@ -7,7 +7,6 @@ from functools import partial
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.innovation import Innovation
 from kmpc_lite.control.estimate.pose_filter import PoseEstimate, estimate
-from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
@@ -34,8 +33,6 @@ class Watching:
         How far from the robot things count, in units.
     answers : Answers
         Tells jumps in metres.
-    kernels : Kernels
-        Compute.
     """
 
     def __init__(
@@ -45,7 +42,6 @@ class Watching:
         options: ControllerOptions,
         reach: float,
         answers: Answers,
-        kernels: Kernels,
     ) -> None:
         # here, for importing the package has no need of them, and no step has time to
         from kmpc_lite.control.world.sight.scan_watch import ScanWatch
@@ -55,10 +51,10 @@ class Watching:
 
         self._answers, self._dt = answers, units.dt
         self._innovation = Innovation(units, options.pose)
-        self._sight = Sight(units, scale, options.sight, reach, kernels)
+        self._sight = Sight(units, scale, options.sight, reach)
         self._view = partial(View, self._sight)
         self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
-        self._tracking = Tracking(units, options, kernels)
+        self._tracking = Tracking(units, options)
 
     def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Compare pose and circles with what was expected of them.

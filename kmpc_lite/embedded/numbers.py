@@ -214,7 +214,6 @@ def controller_of(
         guidance=False,
         adaptation=False,
         tightening="learned" if tightening else None,
-        compiled=False,
         options=options,
     )
 

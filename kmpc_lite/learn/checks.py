@@ -337,7 +337,7 @@ def _delay(case: Case) -> float | None:
             found.append(best)
     if not found:
         return None
-    return max(found, key=lambda m: m.share).lag * case.period
+    return max(0.0, max(found, key=lambda m: m.share).lag * case.period)
 
 
 CHECKS: dict[str, Callable[[Case], str | None]] = {

@@ -15,7 +15,14 @@ from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import ACROSS, ALONG, HEADING, NAMES, NOMINAL
 from kmpc_lite.learn.evaluation import FitReport, evaluate
-from kmpc_lite.learn.fit_summary import BETTER, DIRECTIONS, WORSE, describe_fit, times
+from kmpc_lite.learn.fit_summary import (
+    BETTER,
+    DIRECTIONS,
+    WORSE,
+    describe_fit,
+    summarize_fit,
+    times,
+)
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
 from kmpc_lite.learn.provenance import describe_making
@@ -33,6 +40,8 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import STATES
 
+GAINS = (0.1, 10.0)
+"""Between which the gains of robots lie, sluggish ones and those commanded by shares among them."""
 SURE = 2.0
 """Standard errors by which a direction must be worse than the nominal robot's to stay nominal."""
 FEWEST_EPISODES = 10
@@ -166,8 +175,9 @@ def _worst(
 ) -> dict[int, str]:
     """Direction in which a model is worse than the nominal robot beyond chance, the worst first.
 
-    It is asked of each held-out piece, and what is lost in all of them is compared with how much it
-    varies. A turn that is wrong leads astray along and across, too: the heading goes first.
+    One whose gains no robot has is the worst. Else it is asked of each held-out piece, and what is
+    lost in all of them is compared with how much it varies. A turn that is wrong leads astray along
+    and across, too: the heading goes first.
     """
     pieces = []
     for episode in held.episodes:
@@ -181,7 +191,13 @@ def _worst(
     )
     lost = ours - theirs
     error = lost.std(axis=0, ddof=1) / np.sqrt(len(lost)) if len(lost) > 1 else np.zeros(STATES)
+    known = summarize_fit(model, held)
+    gains = {HEADING: known["turn_gain"], ALONG: known["speed_gain"]}
     for which in (HEADING, ALONG, ACROSS):
+        gain = gains.get(which, 1.0)
+        if which not in stays and not GAINS[0] < gain < GAINS[1]:
+            how = f"a gain of {gain:.3g} fits, which no robot has: the log does not tell it"
+            return {which: f"{DIRECTIONS[which]} ({how})"}
         ratio = report.multi_step[which] / max(report.nominal_multi_step[which], 1e-12)
         if which in stays or ratio <= WORSE:
             continue

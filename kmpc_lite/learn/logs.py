@@ -32,11 +32,40 @@ PLACE = {"deg": 1.0, "rad": 180.0 / pi}
 KNOWN = {
     **{"t": TIME, "x": LENGTH, "y": LENGTH, "theta": ANGLE, "v": SPEED, "omega": TURN_RATE},
     "steered_turn_rate": TURN_RATE,
-    **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED, "lateral": SPEED},
+    **dict.fromkeys(("left", "right"), {**SPEED, **TURN_RATE}),
+    **{"lat": PLACE, "lon": PLACE, "lateral": SPEED},
     **{"steering": ANGLE, "curvature": {"1/m": 1.0, "1/cm": 100.0, "1/mm": 1000.0}},
     "servo": {"1": 1.0, "%": 0.01},
 }
-"""Size of each unit, by column."""
+"""Size of each unit, by column; of wheels that turn for a radius of 1 m."""
+WORDS = {
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **{"msec": "ms", "usec": "us", "µs": "us", "nsec": "ns"},
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+    **{"inch": "in", "inches": "in", "foot": "ft", "feet": "ft", "hour": "h", "hr": "h"},
+    **{"degree": "deg", "degrees": "deg", "degs": "deg", "°": "deg"},
+    **{"radian": "rad", "radians": "rad", "rads": "rad"},
+}
+WHOLE = {
+    **{"mps": "m/s", "ips": "in/s", "fps": "ft/s", "kph": "km/h", "kmh": "km/h", "kmph": "km/h"},
+    **{"degps": "deg/s", "dps": "deg/s", "radps": "rad/s", "rev/min": "rpm", "knots": "kn"},
+}
+"""Other spellings, of parts of units and of whole ones."""
+
+
+def spelled(text: str) -> str:
+    """A unit as it is written here, whatever its case and spelling.
+
+    Examples
+    --------
+    >>> spelled("deg/sec"), spelled("Meters"), spelled("IPS"), spelled("furlong")
+    ('deg/s', 'm', 'in/s', 'furlong')
+    """
+    bare = text.strip().lower().replace(" ", "").replace("per", "/")
+    parts = "/".join(WORDS.get(part, part) for part in bare.split("/"))
+    return WHOLE.get(parts, parts)
+
+
 FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
 
 
@@ -76,7 +105,7 @@ def _parse_unit(column: str, text: str) -> Unit:
     if known is None:
         raise DataError(f"units: expected one of {', '.join(KNOWN)}, got {column!r}")
     found = FORM.fullmatch(text)
-    name = found["unit"] if found else text
+    name = spelled(found["unit"]) if found else text
     size = known.get(name, _number(name))
     if found is None or not size:
         hint = did_you_mean(name, known) or f"; choose from {', '.join(known)}"
@@ -184,6 +213,8 @@ class ReadOptions:
     """A table of commands, for logs that hold poses only."""
     track: float | None = None
     """Distance between left and right wheels, for commands that are their speeds [m]."""
+    wheel_radius: float | None = None
+    """Of wheels whose speeds are given as turns: rpm, rad/s [m]."""
     wheelbase: float | None = None
     """Distance between the axles of a car, for commands that are steering angles [m]; found from
     how the poses turn if not given."""
@@ -205,10 +236,10 @@ class ReadOptions:
             raise DataError(f"frame: expected {', '.join(FRAMES)}, got {self.frame!r}")
         if not np.isfinite(self.shift):
             raise DataError(f"shift: expected a time in s, got {self.shift}")
-        if self.track is not None and not 0.0 < self.track < np.inf:
-            raise DataError(f"track: expected a distance > 0 m, got {self.track}")
-        if self.wheelbase is not None and not 0.0 < self.wheelbase < np.inf:
-            raise DataError(f"wheelbase: expected a distance > 0 m, got {self.wheelbase}")
+        for name in ("track", "wheelbase", "wheel_radius"):
+            length = getattr(self, name)
+            if length is not None and not 0.0 < length < np.inf:
+                raise DataError(f"{name}: expected a distance > 0 m, got {length}")
         parse_units(self.units)
 
 

@@ -52,7 +52,8 @@ def odrive_text(line: bytes, checksum: bool) -> str | None:
 class Lines:
     """Cuts bytes into lines that end in CR, LF or both.
 
-    A line of more than 256 bytes is dropped up to its end.
+    A line of more than 256 bytes is dropped up to its end. A checksum that fits ends a line, too:
+    an ODrive's firmware before 0.5.3 sends no end behind one.
     """
 
     def __init__(self) -> None:
@@ -77,5 +78,7 @@ class Lines:
         if len(rest) > LINE_BYTES or self._dropping:
             self.bad += len(rest)
             self._dropping, rest = True, b""
+        if b"*" in rest and odrive_text(rest, True) is not None:
+            found, rest = [*found, rest], b""
         self._buffer = bytearray(rest)
         return found

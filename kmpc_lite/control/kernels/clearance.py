@@ -71,23 +71,6 @@ def distances(things: Array, points: Array, times: Array) -> Array:
     return _less_growth(found, things, times)
 
 
-def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
-    """Distances (C, Q, E, M) of points on C motions from the edges of all things [m].
-
-    Parameters
-    ----------
-    things : ndarray
-        (M, 7).
-    points, times : ndarray
-        (C, Q, E, 2), or (C, 1, E, 2) of points that stay [m], and (Q,) [s], from now.
-    """
-    motions, _, places, _ = points.shape
-    shape = motions, len(times), places
-    flat = np.broadcast_to(points, (*shape, 2)).reshape(-1, 2)
-    moments = np.broadcast_to(times[:, None], shape).reshape(-1)
-    return distances(things, flat, moments).reshape(*shape, -1)
-
-
 def distances_and_directions(things: Array, points: Array, times: Array) -> tuple[Array, Array]:
     """Distances (n, M) as of `distances`, and the directions away from each thing, (n, M, 2).
 

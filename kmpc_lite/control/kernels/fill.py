@@ -9,12 +9,28 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from kmpc_lite.control.kernels import half_planes
-from kmpc_lite.control.kernels.tube import Noise, tube_margins
-from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.types import Array
+
+
+class KeepOut(NamedTuple):
+    """What follows from the problem."""
+
+    distance: float
+    """Radius of the outline's circles, and the problem's margin [m]."""
+    dt: float
+    """Period [s]."""
+    range: float
+    """How far from the robot all is known [m]; infinite if it always is."""
+    side_normals: Array
+    """(sides, 2) of the area's sides ``normal . p >= offset`` ..."""
+    side_offsets: Array
+    """(sides,) ... and how far out they lie [m]."""
+    directions: int
+    """By how many of a state's coordinates a clearance has slopes: x, y, and the heading of a robot
+    that is not round."""
+    slots: int
+    """Half-planes a stage, at most 16."""
 
 
 class PlanMargins(NamedTuple):
@@ -84,88 +100,3 @@ class Around(NamedTuple):
     """(N E, S) distances of these from solids [m] ..."""
     away: Array
     """(N E, S, 2) ... and directions away from them."""
-
-
-def fill(
-    keep: half_planes.KeepOut,
-    margins: PlanMargins | None,
-    numbers: Numbers,
-    lin: Linearization,
-    plan: Iterate,
-    around: Around,
-) -> None:
-    """Write a pass into a QP.
-
-    Parameters
-    ----------
-    keep, margins, numbers
-        What follows from the problem; none without margins; what is written.
-    lin : Linearization
-        The model's at the plan.
-    plan, around
-        The plan, and what it is kept out of.
-    """
-    states = plan.states
-    found, normals = half_planes.clearances(keep, states, *around)
-    if margins is not None:
-        count = found.shape[1] - len(keep.side_offsets) - (keep.range < np.inf)
-        found -= _margins(margins, count, lin, plan, found, normals)
-    origin = states[0] * (1.0, 1.0, 0.0)
-    local = states - origin
-    violation = np.maximum(-found.min(axis=1, initial=0.0), 0.0)
-    np.concatenate([local[1:].ravel(), plan.inputs.ravel(), violation], out=numbers.start)
-    chosen, offsets = half_planes.nearest_half_planes(local, found, normals, keep.slots)
-    _write(numbers, lin._replace(value=lin.value - origin), local, plan.inputs, chosen, offsets)
-    np.matmul(plan.reference[1:-1] - origin, numbers.weight, out=numbers.pull[:-1])
-    np.matmul(plan.reference[-1] - origin, numbers.weight_terminal, out=numbers.pull[-1])
-
-
-def _margins(
-    margins: PlanMargins,
-    count: int,
-    lin: Linearization,
-    plan: Iterate,
-    clearances: Array,
-    normals: Array,
-) -> Array:
-    """Margins (N, K) [m] of the obstacles, the first `count` columns, and of the sides."""
-    found = np.full(clearances.shape, margins.side_margin)
-    if not count:
-        return found
-    nearest = np.minimum.reduce(clearances[:, :count], axis=None)
-    if nearest < margins.widest + margins.far_clearance:
-        found[:, :count] = tube_margins(
-            margins.noise,
-            lin.A,
-            plan.states,
-            plan.speeds,
-            normals[:, :count],
-            margins.path_clearance,
-        )
-    else:
-        found[:, :count] = margins.widest
-    return found
-
-
-def _write(
-    numbers: Numbers, lin: Linearization, x: Array, u: Array, normals: Array, offsets: Array
-) -> None:
-    """Write dynamics and half-planes.
-
-    Rows are ``x+ - A x - sum_j B_j u_j = f - A x0 - sum_j B_j u0_j``: what is known moves to the
-    right.
-    """
-    value, by_x, by_u, by_past = lin
-    stages, history = len(u), by_past.shape[1]
-    right = value - (by_u @ u[..., None])[..., 0]
-    right[1:] -= (by_x[1:] @ x[1:-1, :, None])[..., 0]
-    blocks = [by_x[1:].ravel(), by_u.ravel()]
-    for j in range(1, min(history, stages - 1) + 1):
-        by_age = by_past[j:, j - 1]
-        blocks.append(by_age.ravel())
-        right[j:] -= (by_age @ u[: stages - j, :, None])[..., 0]
-    written = np.concatenate([*blocks, -numbers.scale * normals.ravel()])
-    numbers.entries[numbers.places] = np.negative(written, out=written)
-    numbers.dynamics_lower[:] = right
-    numbers.dynamics_upper[:] = right
-    np.maximum(numbers.scale * offsets, -numbers.open_bound, out=numbers.half_plane_lower)

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels import NUMPY, Kernels, tube
+from kmpc_lite.control.kernels import library, tube
 from kmpc_lite.control.margins.model_noise import (
     HEADING,
     SOLVER_MARGIN,
@@ -58,8 +58,6 @@ class Margins:
     adapted : bool
         Whether the model was corrected while driving: it knows its floor from a few seconds, so
         that single commands are made safe for rarer errors.
-    kernels : Kernels
-        Compute those of motions.
 
     Attributes
     ----------
@@ -101,11 +99,10 @@ class Margins:
         options: MarginOptions | None = None,
         *,
         adapted: bool = False,
-        kernels: Kernels = NUMPY,
     ) -> None:
         options = MarginOptions() if options is None else options
         self.noise = noise = ModelNoise(model, problem, options, adapted)
-        self.expected_errors, self._kernels = noise.expected_errors, kernels
+        self.expected_errors = noise.expected_errors
         self._model, self._horizon = model, problem.horizon
         self._directions = 2 if problem.footprint is None else 3
         unit = unit_length(problem)
@@ -214,7 +211,7 @@ class Margins:
         noise = self.noise
         if not felt.command_errs:
             return np.full(distances.shape, self._solver_margin)
-        errors = self._kernels.stop_errors(
+        errors = library.stop_errors(
             distances,
             turns,
             noise.dt,

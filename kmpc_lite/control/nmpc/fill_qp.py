@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from kmpc_lite.control.footprint import places_of
-from kmpc_lite.control.kernels import Kernels
-from kmpc_lite.control.kernels.fill import Around, Iterate, PlanMargins
-from kmpc_lite.control.kernels.half_planes import KeepOut
+from kmpc_lite.control.kernels import library
+from kmpc_lite.control.kernels.fill import Around, Iterate, KeepOut, PlanMargins
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.task import Task
@@ -53,13 +52,11 @@ class FillQP:
         Bounds, outline, margin.
     slots : int
         Half-planes per stage.
-    kernels : Kernels
-        Compute.
     """
 
-    def __init__(self, problem: NavigationProblem, slots: int, kernels: Kernels) -> None:
+    def __init__(self, problem: NavigationProblem, slots: int) -> None:
         self.keep_out = keep_out(problem, slots)
-        self._footprint, self._kernels = problem.footprint, kernels
+        self._footprint = problem.footprint
         circles = 1 if problem.footprint is None else len(problem.footprint.circles)
         count = circles * problem.horizon
         self._nothing = np.empty((count, 0)), np.empty((count, 0, 2))
@@ -72,7 +69,7 @@ class FillQP:
         gaps, away = self._nothing
         if task.around.nearby is not None:
             body = None if self._footprint is None else (self._footprint, states[1:])
-            gaps, away = task.around.nearby.measure(points, self._kernels, body)
+            gaps, away = task.around.nearby.measure(points, body)
         margins, felt = None, task.felt
         if task.margins is not None and felt is not None:
             path = task.path_clearance
@@ -87,4 +84,4 @@ class FillQP:
             )
         plan = Iterate(states, inputs, task.reference, speeds(inputs))
         around = Around(task.around.things, points, gaps, away)
-        self._kernels.fill(self.keep_out, margins, qp.numbers, lin, plan, around)
+        library.fill(self.keep_out, margins, qp.numbers, lin, plan, around)

@@ -15,7 +15,6 @@ from time import perf_counter
 
 import numpy as np
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver, choose_solver
 from kmpc_lite.control.nmpc.fill_qp import FillQP
 from kmpc_lite.control.nmpc.qp import NavigationQP
@@ -103,8 +102,6 @@ class SQP:
         ``"osqp"``, a name that qpsolvers knows, or what sets up a solver for a QP.
     clock : callable
         Gives the time [s] that deadlines are on.
-    kernels : Kernels
-        Find half-planes, and write the QP.
 
     Raises
     ------
@@ -124,7 +121,6 @@ class SQP:
         step: StepOptions | None = None,
         solver: str | MakeSolver = DEFAULT_SOLVER,
         clock: Callable[[], float] = perf_counter,
-        kernels: Kernels = NUMPY,
     ) -> None:
         options = SolverOptions() if options is None else options
         step = StepOptions() if step is None else step
@@ -134,7 +130,7 @@ class SQP:
         penalties = problem.slack_weights * (EXACT_PENALTY if iterations > 1 else 1.0, 1.0)
         soft = replace(problem, slack_weights=penalties)
         self.qp = NavigationQP(soft, history, slots)
-        self.fill = FillQP(problem, slots, kernels)
+        self.fill = FillQP(problem, slots)
         turns_far = problem.dt * fastest(problem)[1] > FAR_TURN
         settings = options.real_time
         if iterations > 1:

@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.following import leg_end
 from kmpc_lite.control.options import (
     GuidanceOptions,
@@ -72,8 +72,6 @@ class Guide:
         Gives the time [s] that `until` is on.
     planner : Planner, optional
         Finds paths, in the robot's units; the one of tangents and lattices if not given.
-    kernels : Kernels
-        Follow them.
     """
 
     def __init__(
@@ -83,11 +81,10 @@ class Guide:
         moving: MovingObstacleOptions | None = None,
         clock: Callable[[], float] = perf_counter,
         planner: Planner | None = None,
-        kernels: Kernels = NUMPY,
     ) -> None:
         unit = unit_length(problem)
         self._options = lengths_from_radii(options or GuidanceOptions(), unit)
-        self._dt, self._kernels = problem.dt, kernels
+        self._dt = problem.dt
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
@@ -103,7 +100,7 @@ class Guide:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:
             planner = TangentPlanner(problem, options or GuidanceOptions())
-        self._replanner = Replanner(problem, self._options, clock, planner, kernels)
+        self._replanner = Replanner(problem, self._options, clock, planner)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
         """Give the reference of the coming stages.
@@ -124,7 +121,7 @@ class Guide:
         off = 0.0
         if state.path is not None:
             least = state.path.drive_end if state.turning else state.leg
-            state.place, off = self._kernels.locate(state.path.timed, now.pose, state.place, least)
+            state.place, off = library.locate(state.path.timed, now.pose, state.place, least)
             self._change_gear(state, now, state.path)
         refreshed, switched = self._replanner.update(state, now, off)
         if state.path is None:
@@ -254,7 +251,7 @@ class Guide:
         A car that stands turns its wheels first.
         """
         place, leg, heading = state.place, state.leg, float(now.pose[2])
-        along = partial(self._kernels.along_path, path.timed)
+        along = partial(library.along_path, path.timed)
         later = self._ahead * scale
         states = along(later, place, leg, heading, state.turning)
         steering = 0.0

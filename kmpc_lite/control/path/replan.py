@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses
@@ -69,8 +68,6 @@ class Replanner:
         Gives the time [s] that a situation's `until` is on.
     planner : Planner
         Finds paths, in the robot's units.
-    kernels : Kernels
-        Follow them.
     """
 
     def __init__(
@@ -79,7 +76,6 @@ class Replanner:
         options: GuidanceOptions,
         clock: Callable[[], float],
         planner: Planner,
-        kernels: Kernels,
     ) -> None:
         self._options, self._dt = options, problem.dt
         self._steers = not problem.wheels.turns_on_the_spot
@@ -88,7 +84,7 @@ class Replanner:
         moved = MOVED_DISTANCE
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy
         self._moved = np.array([moved, moved, moved, np.inf, np.inf])
-        self._searches = SearchDriver(problem, options, clock, planner, kernels)
+        self._searches = SearchDriver(problem, options, clock, planner)
 
     def update(self, state: GuideState, now: Situation, off: float) -> tuple[bool, bool]:
         """Look for another path where there is a reason.

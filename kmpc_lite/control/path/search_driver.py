@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels import Kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
@@ -59,8 +59,6 @@ class SearchDriver:
         Gives the time [s] that a situation's `until` is on.
     planner : Planner
         Finds paths, in the robot's units.
-    kernels : Kernels
-        Follow them.
     """
 
     def __init__(
@@ -69,7 +67,6 @@ class SearchDriver:
         options: GuidanceOptions,
         clock: Callable[[], float],
         planner: Planner,
-        kernels: Kernels,
     ) -> None:
         self._options, self._clock = options, clock
         self._dt, self._by_poses = problem.dt, follows_poses(problem)
@@ -80,7 +77,7 @@ class SearchDriver:
         self._radius, self._margin = problem.body_radius, problem.margin
         middles = np.zeros((1, 2)) if problem.footprint is None else problem.footprint.circles
         self._outline = np.column_stack([middles, np.full(len(middles), self._radius)])
-        self._planner, self._parts, self._locate = planner, 0, kernels.locate
+        self._planner, self._parts, self._locate = planner, 0, library.locate
         self._asked: PathRequest | None = None
 
     def begin(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.control.footprint import places_of
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels import safe_motion as kernel
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
@@ -84,8 +84,6 @@ class SafeMotions:
         Period, outline, and how fast commands may change.
     options : StopOptions
         What is tried, and what may be spent.
-    kernels : Kernels
-        Decide what is clear.
 
     Attributes
     ----------
@@ -93,10 +91,7 @@ class SafeMotions:
         How many further commands of a plan are tried before the brake.
     """
 
-    def __init__(
-        self, problem: NavigationProblem, options: StopOptions, kernels: Kernels = NUMPY
-    ) -> None:
-        self._kernels = kernels
+    def __init__(self, problem: NavigationProblem, options: StopOptions) -> None:
         self._options, self._dt, self._radius = options, problem.dt, problem.body_radius
         # what chords and differences are small beside; of a point robot, too
         self._unit = unit_length(problem)
@@ -219,7 +214,7 @@ class SafeMotions:
         distances = np.hypot(steps[..., 0], steps[..., 1])
         longest = float(distances.max())
         count = kernel.samples_a_period(longest, self._unit)
-        poses, begin = self._kernels.samples(states, count), places_of(self._footprint, here)
+        poses, begin = library.samples(states, count), places_of(self._footprint, here)
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
         body = at_rest = None
@@ -234,17 +229,17 @@ class SafeMotions:
         error = margins.most_of_commands(felt, commands[:, 0]) + felt.pose_error
         chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
         lost = chord * chord / (8.0 * self._unit)
-        sure = self._kernels.surely_clear(clearance, needed, error, travel, ends, lost)
+        sure = library.surely_clear(clearance, needed, error, travel, ends, lost)
         if sure[0]:
             return sure
         standing = around.clearance(begin[None, None], times, begin, at_rest) - radius
-        clearance = self._kernels.between_samples(clearance, standing, places, begin, self._unit)
+        clearance = library.between_samples(clearance, standing, places, begin, self._unit)
         slopes = around.slopes(begin, here, kernel.TINY_STEP * self._unit, self._footprint)
         errors = margins.of_commands(felt, commands[:, 0], slopes)
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
             needed[:, :count] = -np.inf
-        return self._kernels.admissible(
+        return library.admissible(
             clearance,
             standing,
             self._options.spend_share * np.maximum(standing - felt.pose_error, 0.0),

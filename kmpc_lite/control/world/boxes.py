@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.boxes import away
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.types import Array
@@ -52,16 +52,16 @@ class Boxes:
         """Distances (n, B) of points (n, 2) [m], negative inside."""
         return away(self.low, self.high, self.grid.to_grid(points))[0]
 
-    def least(self, points: Array, kernels: Kernels = NUMPY) -> Array:
+    def least(self, points: Array) -> Array:
         """Distances (n,) of points (n, 2) from the nearest rectangle [m], negative inside."""
-        return kernels.box_distances(self.low, self.high, self.grid.to_grid(points))
+        return library.box_distances(self.low, self.high, self.grid.to_grid(points))
 
-    def choose(self, points: Array, kernels: Kernels = NUMPY) -> tuple[Array, Array, Array]:
+    def choose(self, points: Array) -> tuple[Array, Array, Array]:
         """Choose the rectangles that matter at points (n, 2) [m].
 
         Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
         """
         columns, here = min(GRID_COLUMNS, len(self.low)), self.grid.to_grid(points)
         asked = self.low, self.high, here, self._behind, columns
-        chosen, distance, normals = kernels.nearest_boxes(*asked)
+        chosen, distance, normals = library.nearest_boxes(*asked)
         return chosen, distance, self.grid.turn(normals)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.control.convex import FARTHEST
-from kmpc_lite.control.kernels.scan_map import rectangles
+from kmpc_lite.control.kernels.scan_library import rectangles
 from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.control.convex import FARTHEST
 from kmpc_lite.control.input_checks import POSITION_LIMIT
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import scan_library
 from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
@@ -202,11 +202,11 @@ class LaserScan:
 
     @cached_property
     def _told(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array, Array]:
-        return self._tell(NUMPY)
+        return self._tell()
 
-    def _tell(self, kernels: Kernels) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array, Array]:
+    def _tell(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Array, Array]:
         """What each beam tells, as of `kernels.scan_beams.told_beams`."""
-        return kernels.told_beams(
+        return scan_library.told_beams(
             self.ranges,
             beams(*self.layout)[1],
             counted(self.layout, self.ignore),
@@ -229,13 +229,13 @@ class LaserScan:
         object.__setattr__(other, "mount", (x / length, y / length, heading))
         return other
 
-    def with_self_radius(self, radius: float, kernels: Kernels = NUMPY) -> LaserScan:
+    def with_self_radius(self, radius: float) -> LaserScan:
         """Return the scan with a `self_radius` [m] of at least this."""
         if radius <= self.self_radius:
             return self
         other = self._copy()
         object.__setattr__(other, "self_radius", float(radius))
-        other.__dict__["_told"] = other._tell(kernels)
+        other.__dict__["_told"] = other._tell()
         return other
 
     def _copy(self) -> LaserScan:

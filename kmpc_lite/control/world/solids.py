@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.world.boxes import GRID_COLUMNS, Boxes
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.outline_gaps import sharpen
@@ -41,9 +40,7 @@ class Nearby:
         """Return these and more rectangles."""
         return Nearby(self._outlines, [*self._boxes, *boxes])
 
-    def measure(
-        self, points: Array, kernels: Kernels = NUMPY, body: Body | None = None
-    ) -> tuple[Array, Array]:
+    def measure(self, points: Array, body: Body | None = None) -> tuple[Array, Array]:
         """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m].
 
         Of the circles of a footprint's poses, if these are given, no nearer than its outline.
@@ -56,14 +53,14 @@ class Nearby:
         if body is not None:
             sharpen(self._outlines, *body, distance, normals)
         for boxes in self._boxes:
-            _, gaps, away = boxes.choose(points, kernels)
+            _, gaps, away = boxes.choose(points)
             distance, normals = (
                 np.concatenate([distance, gaps], axis=1),
                 np.concatenate([normals, away], axis=1),
             )
         return distance, normals
 
-    def least(self, points: Array, kernels: Kernels = NUMPY, body: Body | None = None) -> Array:
+    def least(self, points: Array, body: Body | None = None) -> Array:
         """Distance (n,) of points (n, 2) from the nearest of these solids [m], negative inside.
 
         Of the circles of a footprint's poses, if these are given, no nearer than its outline.
@@ -75,7 +72,7 @@ class Nearby:
                 sharpen(self._outlines, *body, distance, normals)
             least = distance.min(axis=1)
         for boxes in self._boxes:
-            least = np.minimum(least, boxes.least(points, kernels))
+            least = np.minimum(least, boxes.least(points))
         return least
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.clearance import (
     COLUMNS,
     SPREAD,
@@ -51,8 +51,6 @@ class Surroundings:
         At which something may come out of what is not known [m/s].
     unknown : Nearby, optional
         What scans have not shown to be free, where something may come out of it.
-    kernels : Kernels
-        Measure distances.
 
     Attributes
     ----------
@@ -70,9 +68,8 @@ class Surroundings:
         known: float = math.inf,
         emerging_speed: float = 0.0,
         unknown: Nearby | None = None,
-        kernels: Kernels = NUMPY,
     ) -> None:
-        self.things, self.nearby, self.unknown, self.kernels = things, nearby, unknown, kernels
+        self.things, self.nearby, self.unknown = things, nearby, unknown
         self.known, self.emerging_speed = known, emerging_speed
         self.is_empty = not (len(things) or len(perhaps) or nearby) and known == math.inf
         self.turning, straight = NONE, things
@@ -127,9 +124,9 @@ class Surroundings:
         shape = (len(points), len(times), len(here))
         found = []
         if len(self._all):
-            found.append(self.kernels.distances_of_motions(self._all, points, times))
+            found.append(library.distances_of_motions(self._all, points, times))
         if self.nearby:
-            least = self.nearby.least(points.reshape(-1, 2), self.kernels, body)
+            least = self.nearby.least(points.reshape(-1, 2), body)
             least = least.reshape(*points.shape[:3], 1)
             moves = points.shape[1] == len(times)
             found.append(least if moves else np.broadcast_to(least, (*shape, 1)))
@@ -139,7 +136,7 @@ class Surroundings:
             away = np.hypot(*np.moveaxis(points - here, -1, 0))
             found.append((left[:, None] - away)[..., None])
         if self.unknown:
-            least = self.unknown.least(points.reshape(-1, 2), self.kernels)
+            least = self.unknown.least(points.reshape(-1, 2))
             least = least.reshape(*points.shape[:3], 1) - self.emerging_speed * times[:, None, None]
             found.append(least)
         return found[0] if len(found) == 1 else np.concatenate(found, axis=-1)

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels.clearance import (
     COLUMNS,
     PLACE,
@@ -28,7 +28,6 @@ from kmpc_lite.control.kernels.clearance import (
     distances,
     things_of,
 )
-from kmpc_lite.control.kernels.tracks import pairs
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.scan import LaserScan
@@ -65,19 +64,15 @@ class Tracking:
         Its `sensor_range`, radius, speeds and period, in the robot's units.
     options : ControllerOptions
         When circles count as moving, how long they are remembered, and how many there may be.
-    kernels : Kernels
-        Compute.
     """
 
-    def __init__(
-        self, problem: NavigationProblem, options: ControllerOptions, kernels: Kernels = NUMPY
-    ) -> None:
+    def __init__(self, problem: NavigationProblem, options: ControllerOptions) -> None:
         unit, speed = unit_length(problem), fastest(problem)[0] or 1.0
         self._range, self._radius = problem.sensor_range, problem.body_radius
-        self._dt, self._rounding, self._kernels = problem.dt, ROUNDING * unit, kernels
+        self._dt, self._rounding = problem.dt, ROUNDING * unit
         self._memory, self._most = options.sight.memory, options.obstacles.circles
         sizes = unit, speed, problem.body_radius + problem.margin
-        self._follower = Follower(problem.dt, options.tracker, *sizes, kernels)
+        self._follower = Follower(problem.dt, options.tracker, *sizes)
 
     def see(
         self,
@@ -136,7 +131,7 @@ class Tracking:
     def _clusters(self, scans: Sequence[LaserScan], taken: Sequence[Array], things: Array) -> Array:
         """Circles (N, 5) that scans show, but for things (M, 7) that were given."""
         found = [
-            clusters(scan, at, self._follower.radius, kernels=self._kernels)
+            clusters(scan, at, self._follower.radius)
             for scan, at in zip(scans, taken, strict=False)
         ]
         seen = np.concatenate([np.empty((0, SPREAD_RATE)), *found])
@@ -232,7 +227,11 @@ def _elsewhere(circles: Array, things: Array) -> Array:
 def _same(known: Array, given: Array, near: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Which known thing (K, 7) is which of the given ones (M, 7): pairs of rows."""
     away = np.abs(known[:, None, : RADIUS + 1] - given[:, : RADIUS + 1]).max(axis=2)
-    return pairs(np.where(away <= near, away, np.inf))
+    # a pair that cannot be costs more than all the rest together
+    never = (1.0 + min(away.shape)) * near + 1.0
+    rows, columns = linear_sum_assignment(np.where(away <= near, away, never))
+    same = away[rows, columns] <= near
+    return rows[same], columns[same]
 
 
 def _keep_latest(kept: Array, unseen: Array, most: int) -> None:

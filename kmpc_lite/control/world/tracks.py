@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import scan_library
 from kmpc_lite.control.kernels import tracks as rows_of
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options.sight import TrackerOptions
@@ -151,8 +151,6 @@ class Follower:
         Of the robot that the options are multiples of [m, m/s].
     spread_max : float
         How far what moves spreads at the most [m].
-    kernels : Kernels
-        Compute.
     """
 
     def __init__(
@@ -162,11 +160,9 @@ class Follower:
         radius: float,
         speed: float,
         spread_max: float = math.inf,
-        kernels: Kernels = NUMPY,
     ) -> None:
         self.dt, self.radius, self._spread_max = dt, radius, spread_max
         self.options = options = lengths_from_radii(options, radius)
-        self._kernels = kernels
         # chance: of two degrees of freedom; what turned round keeps its pace, the other way
         chances = -2.0 * math.log(GATE), -2.0 * math.log(options.false_alarm)
         motion = options.acceleration * speed, TURN_RATE
@@ -188,7 +184,7 @@ class Follower:
             (N,) index of each circle's track; -1 for those that are too many.
         """
         sources = np.broadcast_to(sources, len(circles))
-        rows, found = self._kernels.follow(tracks.rows, circles, sources, *self.numbers)
+        rows, found = scan_library.follow(tracks.rows, circles, sources, *self.numbers)
         unseen, seen = rows[:, rows_of.UNSEEN], rows[:, rows_of.SEEN]
         alive = unseen <= np.minimum(self.options.coast, seen - unseen)
         if not alive.all():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import scan_library
 from kmpc_lite.control.kernels.tracks import WALKED
 from kmpc_lite.control.world.scan import LaserScan, beams
 from kmpc_lite.control.world.tracks import Follower, Tracks
@@ -39,7 +39,6 @@ def clusters(
     pose: Array,
     robot: float,
     largest: float = LARGEST,
-    kernels: Kernels = NUMPY,
 ) -> Array:
     """Circles (N, 5) at rest of the small things that stand free in a scan (`kernels.clusters`).
 
@@ -53,12 +52,10 @@ def clusters(
         Its radius [m].
     largest : float
         Largest radius of a cluster [radii].
-    kernels : Kernels
-        Compute.
     """
     sizes = abs(scan.angle_increment), GAP * robot, largest * robot
     mount = np.array(scan.mount[:2])
-    found = kernels.clusters(scan.reach, scan.ends, scan.hits, scan.clear, mount, *sizes)
+    found = scan_library.clusters(scan.reach, scan.ends, scan.hits, scan.clear, mount, *sizes)
     circles = np.zeros((len(found), 5))
     x, y = rotate(found[:, 0], found[:, 1], float(pose[2]))
     circles[:, 0], circles[:, 1], circles[:, 2] = x + pose[0], y + pose[1], found[:, 2]

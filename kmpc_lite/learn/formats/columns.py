@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kmpc_lite.errors import DataError, did_you_mean
-from kmpc_lite.learn.logs import KNOWN
+from kmpc_lite.learn.logs import KNOWN, spelled
 
 COLUMNS = ("t", "x", "y", "theta", "v", "omega")
 """Columns of the tables that are written."""
@@ -90,15 +90,14 @@ WAYS = {
     ),
 }
 """Columns that say the same; the first of which all are there are taken."""
-WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degrees/s": "deg/s"}
-"""Units as headers spell them too."""
 COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
 """Words that tell a command from a measured speed."""
 LONGEST_NAME = 100
 """Most characters of a column's name that are searched: the time that a search for brackets takes
 grows with their square."""
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
-SUFFIX = re.compile(r"_(?P<unit>ns|us|ms|sec|deg|rad|mm|cm)$")
+SUFFIX = re.compile(r"_(?P<unit>ns|us|ms|sec|deg|rad|mm|cm|mps|rpm|degps|dps|radps|kmh|kph)$")
+NO_UNIT = ("", "-", "1")
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,12 @@ class Found:
 
 
 def find_columns(
-    file: Path, header: Sequence[str], chosen: Mapping[str, str], where: str, poses: bool = True
+    file: Path,
+    header: Sequence[str],
+    chosen: Mapping[str, str],
+    where: str,
+    poses: bool = True,
+    given: Collection[str] = (),
 ) -> Found:
     """Find t and the poses, and the commands where they are there; or t and the commands alone.
 
@@ -163,11 +167,14 @@ def find_columns(
         Where the header stands, for messages.
     poses : bool
         Whether poses are needed; else the commands are.
+    given : collection of str
+        Our names of columns whose units the user gave.
 
     Raises
     ------
     DataError
-        For columns that are missing, doubled, or of which several may be meant.
+        For columns that are missing, doubled, or of which several may be meant; for a unit that
+        nobody knows.
     """
     for name in chosen:
         if name not in NAMES:
@@ -190,7 +197,8 @@ def find_columns(
     if missing or doubled:
         _refuse(file, header, where, missing, {n: several[n] for n in doubled})
     kept = [n for n in every if n in found]
-    units = {n: u for n in kept if (u := _unit(n, header[found[n]]))}
+    told = [n for n in kept if n not in given]
+    units = {n: u for n in told if (u := _unit(file, n, header[found[n]]))}
     names = {n: header[found[n]] for n in kept}
     taken = set(names.values())
     others = tuple(h for h in header if h not in taken and _is_commanded(h))
@@ -246,13 +254,20 @@ def _plain(name: str) -> str:
     return SUFFIX.sub("", words)
 
 
-def _unit(name: str, theirs: str) -> str | None:
+def _unit(file: Path, name: str, theirs: str) -> str | None:
     """Unit that a header tells of a column, where it is not SI."""
     theirs = theirs[:LONGEST_NAME]
     found = BRACKETS.search(theirs) or SUFFIX.search(theirs.lower().strip())
-    unit = WORDS.get(found["unit"], found["unit"]) if found else ""
-    sizes = KNOWN.get(name, {})
-    return unit if sizes.get(unit, 1.0) != 1.0 else None
+    sizes = KNOWN.get(name)
+    if found is None or sizes is None or found["unit"] in NO_UNIT:
+        return None
+    unit = spelled(found["unit"])
+    if unit not in sizes:
+        raise DataError(
+            f"{file}: unknown unit {short(found['unit'])!r} in column {short(theirs)!r}: expected "
+            f"{', '.join(sizes)}; --units {name}=... says what it is"
+        )
+    return None if unit == next(iter(sizes)) else unit
 
 
 def _refuse(

@@ -31,6 +31,11 @@ MISSING = ("", "nan", "none", "null", "na", "n/a")
 EPOCH_NANOSECONDS = 9e17
 """Times that are larger count nanoseconds since 1970, from 1998 on: no robot runs so long [s]."""
 DELIMITERS = (",", ";", "\t", "|")
+EXPORTS = {
+    **dict.fromkeys(("Objects", "Segments", "Trajectories", "Joints"), "an export of Vicon Nexus"),
+    **{"Format Version,": "an export of OptiTrack Motive", "NO_OF_FRAMES": "an export of QTM"},
+}
+"""How exports of motion capture begin."""
 TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of a trajectory as the TUM benchmark has them."""
 
@@ -61,13 +66,13 @@ class Layout:
 
 def read_csv(
     file: Path, options: ReadOptions, poses: bool = True
-) -> tuple[Found, dict[str, Array], bool]:
+) -> tuple[Found, dict[str, Array], Layout]:
     """Read the columns of a text table that are needed.
 
     Returns
     -------
     tuple
-        Which columns they are, their values (n,) by our name, and whether the table has a header.
+        Which columns they are, their values (n,) by our name, and how the text is laid out.
     """
     try:
         return _read(file, options, poses, tolerant=False)
@@ -79,15 +84,17 @@ def read_csv(
 
 def _read(
     file: Path, options: ReadOptions, poses: bool, tolerant: bool
-) -> tuple[Found, dict[str, Array], bool]:
+) -> tuple[Found, dict[str, Array], Layout]:
     """Read the columns; a table in which every value is a number takes a tenth of the time."""
     with closing(text_lines(file, MAX_LINE)) as lines:
         layout = _layout(file, lines)
-        found = find_columns(file, layout.header, options.columns, layout.where, poses)
+        found = find_columns(
+            file, layout.header, options.columns, layout.where, poses, options.units
+        )
         rows = _rows(file, lines, layout)
         first = next(rows, None)
         if first is None:
-            return found, {name: np.empty(0) for name in found.where}, not layout.first
+            return found, {name: np.empty(0) for name in found.where}, layout
         convert: dict[int | str, Callable[[str], float]] = {}
         if tolerant:
             convert.update({place: parse_number for place in found.where.values()})
@@ -112,7 +119,7 @@ def _read(
     columns = dict(zip(found.where, table.T, strict=True))
     if "t" not in found.units and np.median(columns["t"]) > EPOCH_NANOSECONDS:
         found = replace(found, units={**found.units, "t": "ns"})
-    return found, columns, not layout.first
+    return found, columns, layout
 
 
 def parse_number(text: str) -> float:
@@ -143,6 +150,13 @@ def _layout(file: Path, lines: Iterator[str]) -> Layout:
             what = "too long" if line.strip() else "blank" if line else ""
             told = f"line {number} is {what}" if what else "empty file"
             raise DataError(f"{file}: {told}; expected the header {','.join(COLUMNS)}")
+        for start, what in EXPORTS.items():
+            if number == 1 and line.startswith(start):
+                raise DataError(
+                    f"{file}: {what}, which holds no commands: write a CSV with the columns "
+                    "t,x,y,theta of its rows (t in s from frame and rate, theta the yaw), and give "
+                    "the commands by --commands FILE"
+                )
         if _is_tum(line):
             return Layout(list(TUM), None, number - 1, line, f"line {number}")
         remark = line.lstrip().startswith("#")
@@ -223,14 +237,16 @@ def is_number(text: str) -> bool:
     return text.isascii() and "_" not in text
 
 
-def line_of(file: Path, row: int, header: bool = True) -> str:
-    """Name a row as its file does: lines count from 1, with the header and blank lines."""
-    first = 1 if header else 0
+def line_of(file: Path, row: int, layout: Layout) -> str:
+    """Name a row as its file does: lines count from 1, with remarks, header and blank lines."""
+    first = layout.skipped
     with closing(text_lines(file, MAX_LINE)) as lines:
         numbers: Iterator[int] = (
             number
             for number, line in enumerate(lines, 1)
-            if number > first and line.strip() and not line.startswith("#")
+            if number > first
+            and line.strip()
+            and not (layout.delimiter is None and line.lstrip().startswith("#"))
         )
         return f"line {next(islice(numbers, row, None), row + 1 + first)}"
 

@@ -50,6 +50,8 @@ READERS: dict[str, Reader] = {
     ".tlog": Reader("tlog:read_tlog", "a MAVLink log", "pymavlink"),
     ".ulg": Reader("ulog:read_ulog", "a PX4 log", "pyulog"),
 }
+LFS = b"version https://git-lfs"
+"""What Git leaves in place of a large file."""
 MAGIC = (
     (b"\x89MCAP0\r\n", ".mcap"),
     (b"#ROSBAG", ".bag"),
@@ -71,6 +73,8 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -
     """
     options = ReadOptions() if options is None else options
     file = Path(path)
+    if _first_bytes(file).startswith(LFS):
+        raise DataError(f"{file}: a pointer of Git LFS, not the log itself: git lfs pull gets it")
     reader = reader_of(file)
     need_reader(file, reader)
     if options.commands is not None and reader is not TABLE:
@@ -188,7 +192,7 @@ def _first_bytes(file: Path) -> bytes:
     """The first bytes of a regular file; none if there is no such file."""
     try:
         with open_regular(file) as opened:
-            return opened.read(16)
+            return opened.read(len(LFS))
     except OSError:
         return b""
 

@@ -35,6 +35,16 @@ OTHER = {
     "cmd": ("odom", "imu", "measured", "feedback", "local_position", "global_position", "actual"),
 }
 """Parts of names of topics that hold something else than the robot's pose, or its command."""
+CUT = "the bag is cut off, by a power failure or while it was copied: "
+METADATA = "its metadata.yaml is not whole: `ros2 bag reindex` writes it anew"
+TORN = {
+    "end magic": f"{CUT}`mcap recover` mends it",
+    "index looks damaged": f"{CUT}`rosbag reindex` mends it",
+    "Cannot open database": f"{CUT}`sqlite3 FILE .recover` mends it",
+    "Storage plugin": METADATA,
+    "metadata key": METADATA,
+}
+"""What damages a bag, by a part of what its reader says."""
 MAX_METADATA = 2**24
 """Largest metadata.yaml that is read [bytes]."""
 USUAL = {"odom": ("/odom", "/odometry/filtered"), "cmd": ("/cmd_vel", "/drive")}
@@ -92,6 +102,9 @@ def _opened(path: Path) -> Iterator[tuple[Any, Callable[[bytes, str], Any]]]:
     except (DataError, KeyboardInterrupt):
         raise
     except Exception as error:  # rosbags, apsw, lz4, zstd and yaml all have exceptions of their own
+        for sign, words in TORN.items():
+            if sign in str(error):
+                raise DataError(f"{path}: {words}") from error
         raise DataError(f"{path}: not a ROS bag, or damaged: {_one_line(error)}") from error
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,10 +26,11 @@ from kmpc_lite.learn.formats.columns import (
     find_columns,
     listed,
 )
-from kmpc_lite.learn.formats.csv_table import line_of, read_csv
+from kmpc_lite.learn.formats.csv_table import Layout, line_of, read_csv
 from kmpc_lite.learn.formats.streams import local_metres
 from kmpc_lite.learn.logs import (
     KNOWN,
+    TURN_RATE,
     Log,
     ReadOptions,
     Series,
@@ -78,6 +80,8 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     held = Series(columns["t"], values, str(file))
     notes = (*found.notes, *notes, *more)
     log = Log(str(file), poses, held, True, notes=notes, where=where, columns=kinds)
+    wheels = found.command == ("left", "right")
+    log = replace(log, header_units=units, wheel_speeds=wheels)
     return correct(log, ReadOptions(units=units))
 
 
@@ -123,8 +127,8 @@ def _read_columns(
     if file.suffix.lower() == ".npz":
         found, columns = _read_npz(file, options, poses)
         return found, columns, _row_of_array
-    found, columns, header = read_csv(file, options, poses)
-    return found, columns, partial(_line_of_text, file, header)
+    found, columns, layout = read_csv(file, options, poses)
+    return found, columns, partial(_line_of_text, file, layout)
 
 
 def _row_of_array(row: int) -> str:
@@ -132,9 +136,9 @@ def _row_of_array(row: int) -> str:
     return "arrays: " if row < 0 else row_number(row)
 
 
-def _line_of_text(file: Path, header: bool, row: int) -> str:
+def _line_of_text(file: Path, layout: Layout, row: int) -> str:
     """Name a row of a text; -1 is its header."""
-    return "line 1: header: " if row < 0 else line_of(file, row, header)
+    return f"{layout.where}: " if row < 0 else line_of(file, row, layout)
 
 
 def _poses(columns: dict[str, Array], found: Found, options: ReadOptions) -> Array:
@@ -167,7 +171,16 @@ def _commands(
             f"{file}: commands are speeds of a left and a right wheel: --track M tells how far "
             "apart they are"
         )
-    left, right = _in_own_units(columns, ("left", "right"), found, options)
+    sides = ("left", "right")
+    left, right = _in_own_units(columns, sides, found, options)
+    turning = [n for n in sides if {**found.units, **options.units}.get(n) in TURN_RATE]
+    if turning and options.wheel_radius is None:
+        raise DataError(
+            f"{file}: {turning[0]} is in {({**found.units, **options.units})[turning[0]]}, the "
+            "turns of a wheel: --wheel-radius M tells how large it is"
+        )
+    radius = {n: options.wheel_radius or 1.0 for n in turning}
+    left, right = left * radius.get("left", 1.0), right * radius.get("right", 1.0)
     both = np.column_stack([0.5 * (left + right), (right - left) / options.track])
     return both, ("v", "omega"), ()
 
@@ -184,7 +197,7 @@ def _read_npz(file: Path, options: ReadOptions, poses: bool) -> tuple[Found, dic
     """Columns from one array each."""
     try:
         names = read_npz(file, ())[1]
-        found = find_columns(file, names, options.columns, "arrays", poses)
+        found = find_columns(file, names, options.columns, "arrays", poses, options.units)
         arrays, _ = read_npz(file, found.names.values(), MAX_NPZ_BYTES)
     except (OSError, DataError):
         raise

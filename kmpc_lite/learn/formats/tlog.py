@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -48,6 +49,9 @@ WIDTHS = {
 """Messages that are read, and how many values of each."""
 SETTING = "PARAM_VALUE"
 POSES = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
+TELEMETRY = (*POSES, "ATTITUDE")
+STEP = 0.5
+"""A recorder's clock that goes on by so much more, or less, than the vehicle's has stepped [s]."""
 COMMANDS = tuple(WIDTHS)[3:]
 """In the order in which they are preferred."""
 
@@ -87,6 +91,7 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
     """
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+    clock = _VehicleClock()
     numbers = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*WIDTHS, SETTING)}
     decoder = dialect.MAVLink(None)
     decoder.robust_parsing = True
@@ -103,6 +108,7 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
             name = numbers[number]
             if message is None or message.get_type() != name:
                 continue
+            time = clock.corrected(time, message if name in TELEMETRY else None)
             if name == SETTING:
                 settings[message.param_id] = message.param_value
                 continue
@@ -118,7 +124,36 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
     if not counts:
         raise DataError(f"{path}: no MAVLink frame in it: not a tlog, or empty")
     rows, seen = {n: k.rows() for n, k in kept.items()}, _names(dialect, counts)
-    return _log(path, options, rows, seen, steers(settings))
+    log = _log(path, options, rows, seen, steers(settings))
+    return replace(log, notes=(*log.notes, *clock.notes))
+
+
+class _VehicleClock:
+    """Takes the vehicle's own clock where that of the recorder steps."""
+
+    def __init__(self) -> None:
+        self._last: tuple[float, float] | None = None
+        """Corrected time and the vehicle's, of its last message [s]."""
+        self._shift, self._steps = 0.0, 0
+
+    def corrected(self, time: float, message: Any) -> float:
+        """Time of a message [s]; only the vehicle's own tell how far the recorder is off."""
+        time, last = time + self._shift, self._last
+        if message is None:  # it lies near the vehicle's last one, whatever the recorder says
+            return time if last is None else min(max(time, last[0]), last[0] + STEP)
+        booted = 1e-3 * message.time_boot_ms
+        if last is not None and booted >= last[1]:
+            off = last[0] + booted - last[1] - time
+            if abs(off) > STEP:
+                self._shift, time, self._steps = self._shift + off, time + off, self._steps + 1
+        self._last = (time, booted)
+        return time
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know."""
+        told = f"the recorder's clock stepped {self._steps} time(s): the vehicle's own counts"
+        return (told,) if self._steps else ()
 
 
 def _is_for_another(message: Any, vehicle: int | None) -> bool:

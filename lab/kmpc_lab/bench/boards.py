@@ -31,15 +31,12 @@ class Board(NamedTuple):
 
 def this_machine() -> dict[str, Any]:
     """Say on what a benchmark runs, as values that JSON can hold."""
-    from kmpc_lite.control.kernels import compiled_kernels
-
     return {
         "name": _name(),
         "architecture": platform.machine(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
         "kmpc_lite": __version__,
-        "compiled": compiled_kernels() is not None,
     }
 
 
@@ -67,7 +64,6 @@ def read_board(file: Path) -> Board:
         parts = (
             f"{machine['architecture']}, {machine['cores']} cores",
             f"Python {machine['python']}, kmpc_lite {machine['kmpc_lite']}",
-            "functions in C" if machine["compiled"] else "functions in NumPy",
         )
         rows = [row for table in told["tables"].values() for row in table]
         steps = {str(row["name"]): {k: float(v) for k, v in row["ms"].items()} for row in rows}

@@ -23,8 +23,6 @@ from kmpc_lite.model.koopman import KoopmanModel
 
 PAUSE = 0.01
 """Sleep before each step [s]."""
-KERNELS = {"in C": True, "in NumPy": False}
-"""How our kernels run in the rows by lidar: by name, `Controller(compiled=)`."""
 PAST_CIRCLES = "past four circles, on the states of full steps; peers solve the paper's problem"
 BY_LIDAR = "full steps past circles and by lidar"
 Row = dict[str, Any]
@@ -87,7 +85,7 @@ def cold_steps(
 
 
 def cold_lidar_steps(drives: int, seed: int, progress: Progress) -> list[Row]:
-    """Time steps past circles and by lidars (`lidar.BEAMS`), kernels in C and in NumPy, in turns.
+    """Time steps past circles and by lidars (`lidar.BEAMS`).
 
     Parameters
     ----------
@@ -101,17 +99,14 @@ def cold_lidar_steps(drives: int, seed: int, progress: Progress) -> list[Row]:
     Returns
     -------
     list of dict
-        As of `cold_steps`, for each kind of drive in both languages.
+        As of `cold_steps`, for each kind of drive.
     """
     driver = make_controller()
     rows: dict[str, list[_Stepped]] = {}
     for i in range(drives):
         for kind, steps in record_turn(driver, i, seed + i).items():
             if kind not in rows:
-                rows[kind] = [
-                    _Stepped(f"{kind}, {name}", make_controller(compiled), "total")
-                    for name, compiled in KERNELS.items()
-                ]
+                rows[kind] = [_Stepped(kind, make_controller(), "total")]
             _in_turns(rows[kind], steps)
         progress(i + 1, drives)
     return [one.as_dict() for kind in rows.values() for one in kind]

@@ -77,9 +77,9 @@ def lidar_steps(
     return [_as_dict(name, found) for name, found in laps.items()]
 
 
-def make_controller(compiled: bool | None = None) -> Controller:
+def make_controller() -> Controller:
     """The controller that is timed."""
-    return Controller(nominal_unicycle(STANDARD.dt), STANDARD.problem(SIDE), compiled=compiled)
+    return Controller(nominal_unicycle(STANDARD.dt), STANDARD.problem(SIDE))
 
 
 def record_turn(controller: Controller, which: int, seed: int) -> dict[str, list[Step]]:

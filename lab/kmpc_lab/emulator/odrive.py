@@ -62,6 +62,8 @@ class ODriveEmulator(BoardEmulator):
         self._register = REGISTERS[0 if firmware == "0.5" else 1]
         self._channel = {options.first_axis: 0, options.second_axis: 1}
         self._lines = Lines()
+        self.line_end = b"\r\n"
+        """Behind a checksum; firmware before 0.5.3 sends none."""
         self.axes = (Axis(), Axis())
         """Registers of axes 0 and 1; set errors to see what the other end does."""
         self._let_go_all()
@@ -90,7 +92,7 @@ class ODriveEmulator(BoardEmulator):
             reply = self._execute(text, now)
             if reply is not None:
                 body = reply.encode("ascii")
-                out += body + (b"*%d" % xor8(body) if b"*" in line else b"") + b"\r\n"
+                out += body + (b"*%d" % xor8(body) + self.line_end if b"*" in line else b"\r\n")
         return out
 
     def _execute(self, text: str, now: float) -> str | None:

@@ -12,7 +12,6 @@ from typing import Any, Literal
 import qpsolvers
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.kernels import compiled_kernels
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.embedded.compiled_controller import CompiledController
@@ -42,8 +41,6 @@ class Contender:
     """Whether ours adapts its model while driving; its own choice if not given."""
     solver: str = "osqp"
     """QP solver of ours, by the name that qpsolvers has for it."""
-    compiled: bool | None = None
-    """Whether kernels of ours run in C: if they were built, if not given."""
     timed: str = "total"
     """Entry of a plan's timing that benchmarks compare."""
 
@@ -59,8 +56,6 @@ class Contender:
             return why_not()
         if self.form == "exported" and not (shutil.which("cc") and shutil.which("make")):
             return "a C compiler (cc) and make are needed"
-        if self.compiled and compiled_kernels() is None:
-            return "the kernels in C were not built"
         if self.form == "paper" and self.solver not in qpsolvers.available_solvers:
             return f"{self.solver} is not installed"
         return ""
@@ -126,7 +121,6 @@ class Contender:
                 pose_age=pose_age,
                 solver=self.solver,
                 options=options,
-                compiled=self.compiled,
             )
         passes: dict[str, Any] = (
             {"sqp_iterations": 200, "tolerance": 1e-6} if self.form == "converged" else {}
@@ -139,7 +133,6 @@ class Contender:
             pose_age=pose_age,
             solver=self.solver,
             options=options,
-            compiled=self.compiled,
             **passes,
         )
 
@@ -175,11 +168,9 @@ COLD_CONTENDERS = (
     Contender("CasADi + fatrop", "fatrop"),
     Contender("acados RTI, in C", "acados", timed="solve"),
     Contender("acados RTI, Python", "acados"),
-    Contender("ours, RTI, kernels in C", "paper", compiled=True),
-    Contender("ours, RTI, NumPy", "paper", compiled=False),
+    Contender("ours, RTI", "paper"),
     Contender("ours, RTI, QP by DAQP", "paper", solver="daqp"),
-    Contender("ours, full step in C", compiled=True),
-    Contender("ours, full step, NumPy", compiled=False),
+    Contender("ours, full step"),
     Contender("ours, margins, exported", "exported"),
 )
 """Benchmarked one after the other step by step, as a robot's caches find them."""

@@ -29,6 +29,14 @@ def test_sets_watchdogs_and_closed_loop(rig):
     assert rig.driver.health().mode == "closed loop"
 
 
+def test_firmware_without_line_ends_behind_checksums(rig):
+    rig.emulator.line_end = b""
+    rig.connect()
+    rig.drive(0.3, 0.0, 0.5)
+    assert not rig.emulator.stopped and rig.emulator.pose[0] > 0.05
+    assert rig.counters["bad_bytes"] == 0
+
+
 def test_expired_watchdog_is_cleared_only_while_standing_still_is_asked(rig):
     rig.connect()
     rig.drive(0.3, 0.0, 0.1)

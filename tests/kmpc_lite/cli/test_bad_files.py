@@ -114,9 +114,8 @@ def test_a_log_that_shows_little_keeps_nominal_turns_and_warns(
     first, *more = capsys.readouterr().out.splitlines()
     assert "Missing: " in first and any(line.startswith("warn ") for line in more)
     assert any("heading: as commanded" in line for line in more)
-    if name == "constant speed":  # its poses do not move on the mean: no robot to drive
-        with pytest.raises(kl.ProblemError, match="the robot would stand"):
-            kl.Controller(kl.KoopmanModel.load("robot.npz"))
+    if name == "constant speed":  # its poses do not move on the mean
+        assert "It stays nominal along (a gain of" in first
 
 
 def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(

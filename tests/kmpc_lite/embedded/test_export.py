@@ -51,7 +51,7 @@ def both(request, tmp_path_factory) -> tuple[kl.Controller, kl.CompiledControlle
     model, given = CASES[request.param]
     problem = kl.NavigationProblem(dt=model.dt, **(AREA | given))
     folder = kl.export(model, problem, tmp_path_factory.mktemp("export") / "robot")
-    python = kl.Controller(model, problem, guidance=False, adaptation=False, compiled=False)
+    python = kl.Controller(model, problem, guidance=False, adaptation=False)
     return python, kl.CompiledController(folder)
 
 

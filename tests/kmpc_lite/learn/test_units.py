@@ -15,6 +15,9 @@ from kmpc_lite.learn.logs import ReadOptions, parse_units
         ("theta", "rad-1.5", 2.0, 0.5),
         ("v", "-m/s", 1.0, -1.0),
         ("omega", "rpm", 60.0, 2.0 * np.pi),
+        ("omega", "deg/sec", 180.0, np.pi),
+        ("v", "IPS", 1.0, 0.0254),
+        ("x", "Feet", 1.0, 0.3048),
     ],
 )
 def test_units(column: str, text: str, value: float, si: float) -> None:

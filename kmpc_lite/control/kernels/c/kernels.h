@@ -19,7 +19,7 @@ typedef double real;
 #endif
 
 #ifndef KMPC_HORIZON
-#define KMPC_HORIZON 50 /* stages at most */
+#define KMPC_HORIZON 200 /* stages at most */
 #endif
 
 enum {

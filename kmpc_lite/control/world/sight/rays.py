@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import scan_library
 from kmpc_lite.control.kernels.scan_map import DIRECTIONS, NOTHING
 from kmpc_lite.control.world.scan import LaserScan, Layout, beams, counted
 from kmpc_lite.geometry import wrap
@@ -28,13 +28,9 @@ class Rays:
         Where the robot was when it was taken: (3,), or (B, 3) where beams are of different ages.
     cell : float
         Side of the cells that are looked at.
-    kernels : Kernels
-        Compute.
     """
 
-    def __init__(
-        self, scan: LaserScan, poses: Array, cell: float, kernels: Kernels = NUMPY
-    ) -> None:
+    def __init__(self, scan: LaserScan, poses: Array, cell: float) -> None:
         one = poses.ndim == 1
         cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
         mount_x, mount_y, _ = scan.mount
@@ -44,7 +40,7 @@ class Rays:
 
         reach, hits, step = scan.reach, scan.hits, abs(scan.angle_increment)
         x, y = placed(scan.ends[:, 0], scan.ends[:, 1])
-        ranges, deviations = kernels.averaged_ranges(reach, hits, step, scan.noise, 0.5 * cell)
+        ranges, deviations = scan_library.averaged_ranges(reach, hits, step, scan.noise, 0.5 * cell)
         along = beams(*scan.layout)[1].T
         surface = placed(ranges * along[0] + mount_x, ranges * along[1] + mount_y)
         self.hits = np.stack(surface, axis=1)[hits]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kmpc_lite.control.kernels import NUMPY, Kernels
+from kmpc_lite.control.kernels import scan_library
 from kmpc_lite.control.kernels.clearance import COLUMNS, distances
 from kmpc_lite.control.kernels.scan_map import numbers_of
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
@@ -47,8 +47,6 @@ class Sight:
         How long what is believed.
     reach : float
         How far from the robot what was seen matters to a plan.
-    kernels : Kernels
-        Compute.
     """
 
     def __init__(
@@ -57,9 +55,7 @@ class Sight:
         scale: Scale,
         options: SightOptions,
         reach: float,
-        kernels: Kernels = NUMPY,
     ) -> None:
-        self.kernels = kernels
         unit = unit_length(problem)
         self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit
         self._stare = STARE_DISTANCE * unit
@@ -77,7 +73,7 @@ class Sight:
 
     def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
         """Scans in which hits within the robot are not told: its mast, its arm."""
-        return tuple(s.with_self_radius(self._inside, self.kernels) for s in scans)
+        return tuple(s.with_self_radius(self._inside) for s in scans)
 
     def look(
         self,
@@ -115,7 +111,7 @@ class Sight:
         scans = self.without_robot(scans)
         for look in filter(None, map(outlook_of, scans)):
             here.look_out(look)
-        rays = [Rays(s, self._pose_of(here, s, pose), here.cell, self.kernels) for s in scans]
+        rays = [Rays(s, self._pose_of(here, s, pose), here.cell) for s in scans]
         for ray in rays:
             self._clear(here, ray)
             self._look_in_vain(here, ray)
@@ -160,7 +156,7 @@ class Sight:
         area = rays.low.tolist(), rays.high.tolist(), rays.origin.tolist()
         cells, passed = (here.state, here.seen, here.extent), (rays.turn, rays.squares, distance)
         farther = rays.farthest > distance
-        self.kernels.pass_rays(*cells, here.place, *area, *passed, farther, here.clock)
+        scan_library.pass_rays(*cells, here.place, *area, *passed, farther, here.clock)
 
     def _look_in_vain(self, here: LocalMap, rays: Rays) -> None:
         """Count the scans in a row that have looked at unknown cells nearby in vain."""
@@ -179,7 +175,7 @@ class Sight:
         """Mark the cells of hits (n, 2), which may be off by errors (n,), as occupied."""
         cells = here.state, here.seen, here.extent, here.taken
         last = here.place, self.options.passes, here.clock
-        self.kernels.mark(*cells, hits, errors, *last)
+        scan_library.mark(*cells, hits, errors, *last)
 
     def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:
         """Where the robot stands, within a reach of its centre, nothing else does."""

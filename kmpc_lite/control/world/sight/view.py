@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels import scan_library
 from kmpc_lite.control.options.sight import USUAL_OBSTACLES
 from kmpc_lite.control.world.boxes import Boxes
 from kmpc_lite.control.world.occupancy import OccupancyGrid, count_runs
@@ -109,7 +110,7 @@ class View:
         top, bottom, left, right = window
         area = slice(top, bottom), slice(left, right)
         state = here.state[area]
-        hits = sight.kernels.hit_boxes(here.state, here.extent, window, here.place)
+        hits = scan_library.hit_boxes(here.state, here.extent, window, here.place)
         unknown = state <= UNKNOWN
         if sight.emerging > 0.0:
             # something may come out of what is not seen now
@@ -117,7 +118,7 @@ class View:
             away = cell_distances(here, window, sight.footprint, self._pose)
             unknown &= away > sight.radius + here.cell
         left, bottom = left + here.column, top + here.row
-        sides = here.cell * (sight.kernels.rectangles(unknown) + (left, bottom, left, bottom))
+        sides = here.cell * (scan_library.rectangles(unknown) + (left, bottom, left, bottom))
         # a wall is told by few half-planes, noise and all
         both = hits, (sides[:, :2], sides[:, 2:])
         found, dark = (
@@ -153,7 +154,7 @@ class View:
         low, high = points.min(axis=0), points.max(axis=0)
         middle, half = 0.5 * (low + high), float((high - low).max()) / 2.0
         window = here.window(middle, half + distance + here.cell)
-        boxes = self._sight.kernels.hit_boxes(here.state, here.extent, window, here.place)
+        boxes = scan_library.hit_boxes(here.state, here.extent, window, here.place)
         near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
         begin, end = boxes[0][near, None], boxes[1][near, None]
         beside = np.maximum(np.maximum(begin - points, points - end), 0.0)

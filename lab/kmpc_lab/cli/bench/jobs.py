@@ -226,7 +226,7 @@ JOBS = {
         _cold,
         RECORDED,
         "time steps as a robot's caches find them: contenders in turns step by step, 10 ms of "
-        "sleep before each; kernels in C and not, the exported controller, lidars, and peers",
+        "sleep before each; the exported controller, lidars, and peers",
     ),
     "--solvers": Job(
         _solvers,

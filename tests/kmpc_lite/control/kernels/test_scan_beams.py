@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kmpc_lite.control.kernels.scan_beams import averaged_ranges
+from kmpc_lite.control.kernels.scan_library import averaged_ranges
 
 STEP = np.pi / 360
 ALL = np.ones(720, dtype=bool)

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
-from kmpc_lite.control.kernels.fill import Around, Iterate, fill
+from kmpc_lite.control.kernels.fill import Around, Iterate
+from kmpc_lite.control.kernels.library import fill
 from kmpc_lite.control.nmpc.fill_qp import keep_out
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, SLACK_SCALE, NavigationQP
 from kmpc_lite.model.linearization import Linearization

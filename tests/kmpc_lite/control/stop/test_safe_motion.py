@@ -10,6 +10,7 @@ from wary import slipping
 import kmpc_lab as lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels import safe_motion as kernel
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import StopOptions
@@ -245,7 +246,7 @@ def test_brakes_end_at_zero_and_keep_to_the_curve_or_to_the_plan() -> None:
 def test_samples_lie_on_the_arc_of_a_period(turn: float) -> None:
     end = lab.DifferentialDrive().trace(np.zeros(3), np.array((0.6, turn)), 0.1, 4)
     states = np.stack([np.zeros(3), end[-1]])[None]
-    np.testing.assert_allclose(kernel.samples(states, 4)[0], end, atol=2e-6)
+    np.testing.assert_allclose(library.samples(states, 4)[0], end, atol=2e-6)
 
 
 def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:

@@ -87,3 +87,21 @@ def test_headings_of_quaternions_of_any_length() -> None:
         q = [np.sin(tilt / 2) * np.cos(theta / 2), np.sin(tilt / 2) * np.sin(theta / 2)]
         q += [np.cos(tilt / 2) * np.sin(theta / 2), np.cos(tilt / 2) * np.cos(theta / 2)]
         np.testing.assert_allclose(heading_of(*(2.0 * np.array(q))), theta, atol=1e-9)
+
+
+def test_a_unit_that_nobody_knows_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path / "run.csv", "t,x (furlong),y,theta,v,omega", ",")
+    with pytest.raises(kl.DataError, match=r"unknown unit 'furlong' in column 'x \(furlong\)'"):
+        read_log(path)
+    assert read_log(path, ReadOptions(units={"x": "m"})).header_units == {}
+
+
+def test_wheel_speeds_in_turns_need_the_wheels_radius(tmp_path: Path) -> None:
+    v, omega = TABLE[:, 4], TABLE[:, 5]
+    turns = np.column_stack([v - 0.2 * omega, v + 0.2 * omega]) / 0.1 * 30.0 / np.pi
+    table = np.column_stack([TABLE[:, :4], turns])
+    path = written(tmp_path / "run.csv", "t,x,y,theta,left (rpm),right (RPM)", ",", table)
+    with pytest.raises(kl.DataError, match="left is in rpm, the turns of a wheel: --wheel-radius"):
+        read_log(path, ReadOptions(track=0.4))
+    log = read_log(path, ReadOptions(track=0.4, wheel_radius=0.1))
+    np.testing.assert_allclose(log.commands.values, TABLE[:, 4:], atol=1e-6)

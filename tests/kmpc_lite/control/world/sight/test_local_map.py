@@ -4,10 +4,10 @@ import time
 
 import numpy as np
 import pytest
+from reference.scans import see_through
 from seen_maps import hit_boxes
 
 import kmpc_lite as kl
-from kmpc_lite.control.kernels.scan_map import see_through
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.rays import Rays

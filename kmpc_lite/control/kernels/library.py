@@ -1,4 +1,4 @@
-"""The kernels in C: the same functions as in the modules of NumPy, which describe them."""
+"""The kernels in C for plans, paths and the margins of a stop."""
 
 from __future__ import annotations
 
@@ -7,24 +7,29 @@ from functools import cached_property
 
 import numpy as np
 
-import kmpc_lite.control.kernels._kernels as c
-from kmpc_lite.control.kernels.compiled_scan import dense as _dense
-from kmpc_lite.control.kernels.fill import Around, Iterate, Numbers, PlanMargins
+from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
+from kmpc_lite.control.kernels.fill import Around, Iterate, KeepOut, Numbers, PlanMargins
 from kmpc_lite.control.kernels.following import Timed
-from kmpc_lite.control.kernels.half_planes import KeepOut
+from kmpc_lite.control.kernels.scan_library import dense as _dense
 from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
-LARGEST_HORIZON = 50
-"""Stages whose tube has room in C."""
 NOTHING = np.empty(0)
 NO_NOISE = Noise(NOTHING, NOTHING, NOTHING, NOTHING, 0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
 
 
 def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
-    """As `clearance.distances_of_motions`."""
+    """Distances (C, Q, E, M) of points on C motions from the edges of all things [m].
+
+    Parameters
+    ----------
+    things : ndarray
+        (M, 7).
+    points, times : ndarray
+        (C, Q, E, 2), or (C, 1, E, 2) of points that stay [m], and (Q,) [s], from now.
+    """
     motions, sampled, places, _ = points.shape
     out = np.empty((motions, len(times), places, len(things)))
     c.distances(_dense(things), _dense(points), _dense(times), out, motions, sampled, places)
@@ -32,7 +37,15 @@ def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
 
 
 def box_distances(low: Array, high: Array, points: Array) -> Array:
-    """As `boxes.box_distances`."""
+    """Distances (n,) of points (n, 2) from the nearest of rectangles [m], negative inside.
+
+    Parameters
+    ----------
+    low, high : ndarray
+        Corners (B, 2) each [m].
+    points : ndarray
+        (n, 2) [m].
+    """
     out = np.empty(len(points))
     c.box_distances(*map(_dense, (low, high, points)), out)
     return out
@@ -41,7 +54,23 @@ def box_distances(low: Array, high: Array, points: Array) -> Array:
 def nearest_boxes(
     low: Array, high: Array, points: Array, behind: float, columns: int
 ) -> tuple[Array, Array, Array]:
-    """As `boxes.nearest_boxes`."""
+    """The rectangles that matter at points: the nearest, then the nearest that is not behind it.
+
+    Parameters
+    ----------
+    low, high, points : ndarray
+        As of `box_distances`.
+    behind : float
+        How far a rectangle's nearest point may stand out of another one's half-plane and count as
+        behind it [m].
+    columns : int
+        How many are chosen, K, at most B.
+
+    Returns
+    -------
+    chosen, distances, normals : ndarray
+        Their numbers (n, K), distances (n, K) [m], negative inside, and normals (n, K, 2).
+    """
     shape, room = (len(points), columns), np.empty((len(low), 4))
     found = np.empty(shape, dtype=np.int_), np.empty(shape), np.empty((*shape, 2))
     c.nearest_boxes(*map(_dense, (low, high, points)), room, *found, behind, columns)
@@ -56,13 +85,18 @@ def fill(
     plan: Iterate,
     around: Around,
 ) -> None:
-    """As `fill.fill`."""
-    stages, places = len(plan.inputs), len(around.points) // len(plan.inputs)
-    if margins is not None and stages > LARGEST_HORIZON:
-        from kmpc_lite.control.kernels import fill as numpy
+    """Write a pass into a QP.
 
-        numpy.fill(keep, margins, numbers, lin, plan, around)
-        return
+    Parameters
+    ----------
+    keep, margins, numbers
+        What follows from the problem; none without margins; what is written.
+    lin : Linearization
+        The model's at the plan.
+    plan, around
+        The plan, and what it is kept out of.
+    """
+    stages, places = len(plan.inputs), len(around.points) // len(plan.inputs)
     kinds = around.gaps.size // stages + places * len(around.things) + len(keep.side_offsets) + 1
     per_stage = kinds * (2 + keep.directions) + keep.slots * (1 + keep.directions)
     *noise, delay, quantile, headway, touch, reach, solver_margin, spreads = (
@@ -106,7 +140,21 @@ def fill(
 def stop_errors(
     distances: Array, turns: Array, dt: float, position: Array, heading: Array, *numbers: float
 ) -> Array:
-    """As `stop_errors.stop_errors`."""
+    """Errors (..., T) at the end of each period of what is driven and turned [m].
+
+    Parameters
+    ----------
+    distances, turns : ndarray
+        What is driven [m] and turned [rad] in each period, (..., T).
+    dt : float
+        Period [s].
+    position, heading : ndarray
+        (4,) variances of one period by v^2 and by omega^2, then what lasts of them.
+    rare, usual : float
+        As of `added_up`.
+    reach : float
+        How far the outline lies from the pose [m].
+    """
     out = np.empty(distances.shape)
     dense = map(_dense, (distances, turns, position, heading))
     c.stop_errors(*dense, out, distances.shape[-1], dt, *numbers)
@@ -114,7 +162,7 @@ def stop_errors(
 
 
 def samples(states: Array, count: int) -> Array:
-    """As `safe_motion.samples`."""
+    """Poses (C, T count, 3) on the arcs between states (C, T + 1, 3), the first left out."""
     motions, poses, _ = states.shape
     out = np.empty((motions, (poses - 1) * count, STATES))
     c.samples(_dense(states), out, motions, count)
@@ -124,7 +172,12 @@ def samples(states: Array, count: int) -> Array:
 def between_samples(
     clearance: Array, standing: Array, places: Array, begin: Array, radius: float
 ) -> Array:
-    """As `safe_motion.between_samples`."""
+    """Clearance (C, Q, E, K) at samples less what the chords between them may cut off [m].
+
+    Past a point that the robot touches at a radius [m]. `standing` (1, Q, E, K) is the clearance at
+    `begin` (E, 2), where the robot is now, `places` (C, Q, E, 2) are the samples. A chord that
+    leads away begins at its nearest.
+    """
     out = np.empty(clearance.shape)
     dense = map(_dense, (clearance, standing, places, begin))
     c.between_samples(*dense, out, len(places), radius)
@@ -134,7 +187,22 @@ def between_samples(
 def surely_clear(
     clearance: Array, margins: Array, error: Array, travel: Array, ends: Array, lost: float
 ) -> Array:
-    """As `safe_motion.surely_clear`."""
+    """Which motions keep more than `admissible` can ask of them, (C,).
+
+    Parameters
+    ----------
+    clearance : ndarray
+        (C, Q, E, K) at samples of the motions [m].
+    margins : ndarray
+        (C, Q) of what is driven and turned up to each sample [m].
+    error, travel : ndarray
+        (C,) the largest error of the coming commands, with what is not sure, and how far they lead
+        [m].
+    ends : ndarray
+        (C,) samples until the robot is at rest.
+    lost : float
+        What chords between samples cut off at the most [m].
+    """
     out = np.empty(len(error), dtype=np.bool_)
     dense = map(_dense, (clearance, margins, error, travel))
     c.surely_clear(*dense, np.ascontiguousarray(ends, dtype=np.intc), out, lost)
@@ -154,7 +222,37 @@ def admissible(
     first: int,
     unsure: float,
 ) -> Array:
-    """As `safe_motion.admissible`."""
+    """Which motions stay clear until they end, (C,).
+
+    At every sample a robot keeps the margin of what it has driven and turned, or the clearance that
+    it would have standing, less what it may spend. In the coming period, which no later step can
+    mend, it also keeps the command's own error, beside what is not sure and what a standing robot
+    would lack, unless the motion leads away; a thing that may turn towards the robot counts as an
+    error of half of what is driven.
+
+    Parameters
+    ----------
+    clearance : ndarray
+        (C, Q, E, K) at samples of the motions [m].
+    standing, spend : ndarray
+        (1, Q, E, K) clearance of a robot that stands, and how much of it may be used up [m].
+    margins : ndarray
+        (C, Q) of what is driven and turned up to each sample [m].
+    driven : ndarray
+        (C, Q, E) from the begin on [m].
+    error : ndarray
+        (C, E, K) of the coming commands, towards each thing [m].
+    turns : ndarray
+        (K,) whether a thing may turn towards the robot.
+    strict : ndarray
+        (C,) whether a motion must keep its margins whatever a standing robot has.
+    ends : ndarray
+        (C,) samples until the robot is at rest.
+    first : int
+        Samples of the coming period.
+    unsure : float
+        What the pose's noise may pretend of a clearance [m].
+    """
     out = np.empty(len(clearance), dtype=np.bool_)
     dense = map(_dense, (clearance, standing, spend, margins, driven, error))
     which = np.ascontiguousarray(turns), np.ascontiguousarray(strict)
@@ -163,7 +261,24 @@ def admissible(
 
 
 def locate(path: Timed, pose: Array, place: float, least: float) -> tuple[float, float]:
-    """As `following.locate`."""
+    """Find the robot's place: the time of the path's pose that is nearest.
+
+    Parameters
+    ----------
+    path : Timed
+        What is followed.
+    pose : ndarray
+        The robot's pose (3,).
+    place : float
+        Where it was found last [s]; only places near it are looked at.
+    least : float
+        Where it must have come to [s].
+
+    Returns
+    -------
+    place, off : float
+        The time on the path [s], and the distance from its pose there [m].
+    """
     found = np.empty(2)
     c.locate(*path[:3], _dense(pose), found, path.step, place, least)
     return found.item(0), found.item(1)
@@ -172,7 +287,23 @@ def locate(path: Timed, pose: Array, place: float, least: float) -> tuple[float,
 def along_path(
     path: Timed, later: Array, place: float, leg: float, heading: float, turning: bool
 ) -> Array:
-    """As `following.along_path`."""
+    """Poses (n, 3) of a robot that drives on along its path, their headings near its own.
+
+    Parameters
+    ----------
+    path : Timed
+        What is followed.
+    later : ndarray
+        How much later, (n,) [s].
+    place : float
+        Where the robot is [s].
+    leg : float
+        When its gear has changed last [s].
+    heading : float
+        Its own [rad].
+    turning : bool
+        Whether it is on its last turn.
+    """
     states = np.empty((len(later), STATES))
     c.along_path(*path[:3], _dense(later), states, path.braking, place, leg, heading, turning)
     return states
