@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,26 +27,12 @@ if TYPE_CHECKING:
 
 HALF = 0.5
 """Share of the limits at which a rehearsal is driven."""
-EVERY = 1.0
-"""How often the predictions are compared [s]."""
-LONGEST = 40.0
-"""Length of driving after which a model must have shown that it predicts better [s]."""
+EVERY, LONGEST = 1.0, 40.0
+"""How often predictions are compared, and length of driving after which a model must have shown
+that it predicts better [s]."""
 MAX_MODEL, MAX_RECORD = 2**27, 2**16
 """Largest model, and largest record of a rehearsal, that are read [bytes]."""
-PASSED, FAILED = ("BETTER", "ALIKE"), ("WORSE", "UNSURE")
-
-
-@dataclass(frozen=True)
-class Known:
-    """What an earlier rehearsal of this model on this vehicle found."""
-
-    verdict: str
-    text: str
-
-    @property
-    def passed(self) -> bool:
-        """Whether the model may be driven at full speed."""
-        return self.verdict in PASSED
+PASSED = ("BETTER", "ALIKE")
 
 
 def record_file(model: str) -> Path:
@@ -55,8 +40,20 @@ def record_file(model: str) -> Path:
     return Path(f"{model}.rehearsal.json")
 
 
-def known_rehearsal(robot: Robot) -> Known | None:
-    """What is known of the robot's model on this vehicle; None if it was never rehearsed.
+def _read(file: Path, most: int) -> bytes:
+    try:
+        with closing(open_regular(file, most)) as opened:
+            return bytes(opened.read())
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{file}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _digest(model: str) -> str:
+    return hashlib.sha256(_read(Path(model), MAX_MODEL)).hexdigest()
+
+
+def known_rehearsal(robot: Robot) -> tuple[bool, str] | None:
+    """Whether the robot's model has passed on this vehicle, and what was found; None: unknown.
 
     Raises
     ------
@@ -66,36 +63,21 @@ def known_rehearsal(robot: Robot) -> Known | None:
     from kmpc_lite.learn.provenance import differences
 
     model = robot.control.model
-    if model is None or not record_file(model).exists():
+    if model is None or not (file := record_file(model)).exists():
         return None
-    said = _read(record_file(model))
-    if said["model"] != _digest(model) or differences(said["vehicle"], robot.vehicle):
-        return None
-    return Known(said["verdict"], said["text"])
-
-
-def _read(file: Path) -> dict[str, Any]:
     try:
-        with closing(open_regular(file, MAX_RECORD)) as opened:
-            said = json.loads(opened.read())
-        kinds = {"model": str, "vehicle": Mapping, "verdict": str, "text": str}
-        if not all(isinstance(said[name], kind) for name, kind in kinds.items()):
-            raise TypeError("expected model, vehicle, verdict and text")
-    except OSError as error:
-        raise ConfigError(f"{file}: {error.strerror or error}") from error
+        said = json.loads(_read(file, MAX_RECORD))
+        digest, vehicle, verdict = said["model"], dict(said["vehicle"]), str(said["verdict"])
+        text = str(said["text"])
     except (ValueError, KeyError, TypeError, RecursionError) as error:
+        if isinstance(error, ConfigError):
+            raise
         raise ConfigError(
             f"{file}: no record of a rehearsal ({error}); remove it and rehearse again"
         ) from error
-    return dict(said)
-
-
-def _digest(model: str) -> str:
-    try:
-        with closing(open_regular(model, MAX_MODEL)) as file:
-            return hashlib.sha256(file.read()).hexdigest()
-    except OSError as error:
-        raise ConfigError(f"{model}: {error.strerror or error}") from error
+    if digest != _digest(model) or differences(vehicle, robot.vehicle):
+        return None
+    return verdict in PASSED, text
 
 
 def at_half_speed(robot: Robot) -> Robot:
@@ -106,14 +88,7 @@ def at_half_speed(robot: Robot) -> Robot:
 
 
 def advice(robot: Robot, rehearse: bool) -> tuple[bool, tuple[str, ...]]:
-    """Whether the next drive is a rehearsal, and what a user should know of it.
-
-    Parameters
-    ----------
-    robot : Robot
-        Whose model it is about.
-    rehearse : bool
-        Whether the user asked for a rehearsal.
+    """Whether the next drive is a rehearsal, as the user asked or not, and what he should know.
 
     Raises
     ------
@@ -128,21 +103,21 @@ def advice(robot: Robot, rehearse: bool) -> tuple[bool, tuple[str, ...]]:
         return False, ()
     known = known_rehearsal(robot)
     if known is None:
-        if rehearse:
-            return True, (f"{model}: rehearsal at half speed, beside the nominal robot",)
-        return False, (
-            f"{model}: not rehearsed on this robot yet: --rehearse drives at half speed, and "
-            "compares it with the nominal robot",
+        beside = "at half speed, beside the nominal robot"
+        new = (
+            f"rehearsal {beside}" if rehearse else f"not rehearsed yet: --rehearse drives {beside}"
         )
-    if known.passed:
-        note = (f"{model}: rehearsed before, drives at full speed: {known.text}",)
-        return False, note if rehearse else ()
+        return rehearse, (f"{model}: {new}",)
+    passed, text = known
+    if passed:
+        note = f"{model}: rehearsed before, drives at full speed: {text}"
+        return False, (note,) if rehearse else ()
     if rehearse:
-        return True, (f"{model}: rehearsed again, at half speed; before: {known.text}",)
+        return True, (f"{model}: rehearsed again, at half speed; before: {text}",)
     if robot.control.trust_model:
-        return False, (f"{model}: failed its rehearsal, used nevertheless: {known.text}",)
+        return False, (f"{model}: failed its rehearsal, used nevertheless: {text}",)
     raise ConfigError(
-        f"{model}: failed its rehearsal: {known.text}. Learn anew, or --rehearse again; "
+        f"{model}: failed its rehearsal: {text}. Learn anew, or --rehearse again; "
         "--trust-model uses it nevertheless"
     )
 
@@ -161,8 +136,7 @@ class Rehearsal:
     """
 
     def __init__(self, robot: Robot, model: kl.KoopmanModel) -> None:
-        self._robot, self._model = robot, model
-        self._sampler = RowSampler(model.dt)
+        self._robot, self._model, self._sampler = robot, model, RowSampler(model.dt)
         self._rows: list[tuple[float, ...]] = []
         self._compared = 0
         self.result: Comparison | None = None
@@ -180,22 +154,18 @@ class Rehearsal:
 
     def saw(self, *_: object) -> None:
         """Compare once a second; receives each plan."""
-        if self.trouble or (len(self._rows) - self._compared) * self._model.dt < EVERY:
-            return
-        self.compare()
+        if not self.trouble and (len(self._rows) - self._compared) * self._model.dt >= EVERY:
+            self._compare()
 
-    def compare(self) -> None:
-        """Compare what was driven so far."""
+    def _compare(self) -> None:
         from kmpc_lite.learn.evaluation import ModelVerdict, compare
 
         rows = self._rows[:]
         self._compared = len(rows)
-        before = self.result
-        if before is not None and before.verdict is ModelVerdict.BETTER:
+        if self.result is not None and self.result.verdict is ModelVerdict.BETTER:
             return  # shown once, beyond noise
         self.result = compare(self._model, _episodes(rows, self._model.dt))
-        long = len(rows) * self._model.dt >= LONGEST
-        verdict = self.result.verdict
+        long, verdict = len(rows) * self._model.dt >= LONGEST, self.result.verdict
         if verdict is ModelVerdict.WORSE or (long and verdict.name not in PASSED):
             self.trouble = f"rehearsal: {self.result}"
 
@@ -205,13 +175,10 @@ class Rehearsal:
         from kmpc_lite.learn.evaluation import ModelVerdict
 
         if not self.trouble:
-            self.compare()
-        result = self.result
-        if result is None or result.verdict is ModelVerdict.SHORT:
-            return {
-                "verdict": "SHORT",
-                "text": f"the model {ModelVerdict.SHORT.value}: rehearse again",
-            }
+            self._compare()
+        result, short = self.result, ModelVerdict.SHORT
+        if result is None or result.verdict is short:
+            return {"verdict": short.name, "text": f"the model {short.value}: rehearse again"}
         told = {**result.as_dict(), "text": str(result)}
         if result.verdict is ModelVerdict.UNSURE and not self.trouble:
             told["text"] += ": rehearse again, for longer"
@@ -229,9 +196,6 @@ def _episodes(rows: list[tuple[float, ...]], dt: float) -> list[kl.Episode]:
 
     import kmpc_lite as kl
 
-    if len(rows) < 2:
-        return []
-    table = np.array(rows)
-    cuts = np.flatnonzero(np.diff(table[:, 0]) > 1.5 * dt) + 1
-    parts = np.split(table, cuts)
+    table = np.array(rows).reshape(len(rows), -1)
+    parts = np.split(table, np.flatnonzero(np.diff(table[:, :1].ravel()) > 1.5 * dt) + 1)
     return [kl.Episode(p[:, 1:4], p[:-1, 4:6], dt) for p in parts if len(p) > 1]
