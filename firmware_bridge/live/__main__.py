@@ -5,8 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 from firmware_bridge.live.channel import Channel
+from firmware_bridge.live.picture import Picture
 from firmware_bridge.live.server import Ask, serve
-from firmware_bridge.live.watchers import Picture
 
 OBEYED: dict[str, Callable[[dict[str, Any]], bool]] = {
     "status": lambda shown: True,

@@ -13,16 +13,23 @@ import hmac
 import ipaddress
 import secrets
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from email.message import Message
 from http import HTTPStatus
-
-from firmware_bridge.live.http import BadRequest, Request
 
 FIRST, LAST = 0.2, 5.0
 """A second action counts from so long after the first one on, and until so long after it [s]."""
-OWN_HEADER = "x-kmpc"
+OWN_HEADER = "X-Kmpc"
 """Holds the token. No page of another site can send it without asking first, and nobody answers who
 asks."""
+
+
+class Refused(Exception):
+    """What came is no request that is served."""
+
+    def __init__(self, status: HTTPStatus, text: str) -> None:
+        super().__init__(text)
+        self.status = status
 
 
 class Guard:
@@ -41,38 +48,38 @@ class Guard:
     def __init__(self, token: str, is_open: bool, names: Sequence[str]) -> None:
         self._token, self._is_open, self._names = token.encode(), is_open, frozenset(names)
 
-    def enter(self, request: Request, public: bool = False) -> bool:
+    def enter(
+        self, method: str, headers: Mapping[str, str] | Message, public: bool = False
+    ) -> bool:
         """Tell whether the token was shown.
 
         Parameters
         ----------
-        request : Request
-            What is asked for.
+        method : str
+            GET or POST.
+        headers : mapping
+            Of the request.
         public : bool
             Whether anybody may have it: our own script, which then shows the token.
 
         Raises
         ------
-        BadRequest
+        Refused
             For a foreign host or origin, and without a token where one is needed.
         """
-        host = request.headers.get("host", "")
+        host = headers.get("Host", "")
         if not self._is_ours(host):
-            raise BadRequest(HTTPStatus.FORBIDDEN, "this page is not called by that name")
-        shown = request.headers.get(OWN_HEADER, "").encode("utf-8", "replace")
+            raise Refused(HTTPStatus.FORBIDDEN, "this page is not called by that name")
+        shown = headers.get(OWN_HEADER, "").encode("utf-8", "replace")
         known = hmac.compare_digest(shown, self._token)
         if not (known or self._is_open or public):
-            raise BadRequest(HTTPStatus.FORBIDDEN, "open the link with the token that was printed")
-        if request.method != "GET" or "origin" in request.headers:
-            self._check_origin(request, host)
+            raise Refused(HTTPStatus.FORBIDDEN, "open the link with the token that was printed")
+        # a program that is no browser tells no origin
+        origin, site = headers.get("Origin"), headers.get("Sec-Fetch-Site", "same-origin")
+        foreign = origin not in (None, f"http://{host}") or site not in ("same-origin", "none")
+        if foreign and (method != "GET" or origin is not None):
+            raise Refused(HTTPStatus.FORBIDDEN, "another site's page may not ask for that")
         return known
-
-    def _check_origin(self, request: Request, host: str) -> None:
-        """Refuse what another site's page sends; a program that is no browser tells no origin."""
-        origin = request.headers.get("origin")
-        site = request.headers.get("sec-fetch-site", "same-origin")
-        if origin not in (None, f"http://{host}") or site not in ("same-origin", "none"):
-            raise BadRequest(HTTPStatus.FORBIDDEN, "another site's page may not ask for that")
 
     def _is_ours(self, host: str) -> bool:
         """Whether a Host header names this computer.

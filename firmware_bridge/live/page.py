@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.live.channel import Channel
+from firmware_bridge.live.picture import Picture
 from firmware_bridge.live.server import GOAL, Ask, serve
-from firmware_bridge.live.watchers import Picture
 from firmware_bridge.messages import LinkError
 from firmware_bridge.safety.estop_client import ask, press
 from firmware_bridge.safety.places import is_latched

@@ -1,56 +1,50 @@
 """Serves the page, the stream of what happens, and the buttons; in a process of its own.
 
 The process that drives is never asked anything here: it sends packets through a channel. The
-buttons go the way that the program has for them: `Ask`.
+buttons go the way that the program has for them: `Ask`. Each connection has a thread; who floods
+the port makes us close its oldest connections, but none that watches or is kept for a STOP.
 """
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import json
 import math
 import os
-import resource
+import select
 import socket
+import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future
 from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.live.channel import Channel
-from firmware_bridge.live.door import Door
-from firmware_bridge.live.guard import Guard, TwoActions
-from firmware_bridge.live.http import (
-    LONGEST_HEAD,
-    BadRequest,
-    Request,
-    answer,
-    read_request,
-    stream_head,
-)
-from firmware_bridge.live.watchers import Picture, Watchers
+from firmware_bridge.live.guard import Guard, Refused, TwoActions
+from firmware_bridge.live.picture import Picture
 
 Ask = Callable[[str], dict[str, Any]]
 """Carries out "stop", "reset", "enable" or "goal X Y THETA", however long that takes; gives the
 answer: ok, latched, gate, confirmed, why."""
 GOAL = "goal "
-CONNECTIONS = 512
-"""One more closes the oldest that watches nothing."""
-LINES = 64
-"""Connections that are kept for a STOP."""
-LINE_PACE, LINE_PATIENCE = 0.5, 30.0
-"""How soon each may be used again but for that, and for how long it may say nothing [s]."""
-ASKING = 4
-"""Requests of people that are carried out at once; stops share one."""
+STOPPED = "ESTOP"
+"""State of a gate whose emergency stop is pressed."""
+CONNECTIONS, LINES, WATCHERS, ASKING = 256, 64, 128, 4
+"""At once: those that have asked for nothing lasting, those that are kept for a STOP, those that
+watch, and requests of people that are carried out; stops share one."""
+PATIENCE, LINE_PATIENCE = 5.0, 30.0
+"""How long a client may say or take nothing, and how long on a line that is kept [s]."""
+LONGEST_BODY = 1024
+"""[bytes]"""
+BUFFER = 65536
+"""Of the kernel's, for one watcher [bytes]: what waits there is old."""
 SILENCE = 0.5
 """Watchers see how long nothing has come from the program that drives, so often [s]."""
 OBEY = 1.0
 """How long the gate may take to carry out a reset: only then does an enable count [s]."""
-STOPPED = "ESTOP"
-"""State of a gate whose emergency stop is pressed."""
 FAREWELL = 0.5
 """For the last words to leave [s]."""
 STATIC = Path(__file__).with_name("static")
@@ -60,204 +54,268 @@ FILES = {
     "/page.js": ("page.js", "text/javascript; charset=utf-8"),
     "/map.js": ("map.js", "text/javascript; charset=utf-8"),
 }
+JSON = "application/json"
+SAFETY = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self'; connect-src 'self'; form-action 'self'; frame-ancestors 'none'; "
+    "base-uri 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "same-origin",  # with no-referrer a form would not tell its origin either
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""Headers of every answer."""
 
 
-class Server:
-    """One page.
+class Buttons:
+    """What the page's buttons do.
 
     Parameters
     ----------
-    guard : Guard
-        Who may come in.
-    picture : Picture
-        What is shown.
     ask : callable
         See `Ask`.
     """
 
-    def __init__(self, guard: Guard, picture: Picture, ask: Ask) -> None:
-        self._guard, self._picture, self._ask = guard, picture, ask
-        self.watchers = Watchers(picture)
+    def __init__(self, ask: Ask) -> None:
+        self._ask = ask
         self._two = TwoActions()
         self._goal = ""
         """What the second action carries out: a goal, else it lets the robot drive."""
-        self._pool = ThreadPoolExecutor(ASKING, thread_name_prefix="live-ask")
-        self._stopping: asyncio.Task[dict[str, Any]] | None = None
-        self._idle: dict[asyncio.StreamWriter, None] = {}
-        """Connections that watch nothing, the oldest first."""
-        self._lines: dict[asyncio.StreamWriter, float] = {}
-        """Those that are kept, and when each was used last [s]: a page asks for one, on which its
-        STOP meets no crowd."""
-        self._files = {path: (STATIC / name).read_bytes() for path, (name, _) in FILES.items()}
+        self._few, self._lock = threading.Semaphore(ASKING), threading.Lock()
+        self._stopping: Future[dict[str, Any]] = Future()
+        self._stopping.set_result({})
 
-    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Answer one connection, whatever it says."""
-        self._idle[writer] = None
-        if len(self._idle) + len(self._lines) + len(self.watchers) > CONNECTIONS:
-            next(iter(self._idle)).transport.abort()
-        try:
-            await self._answer(reader, writer)
-        except (TimeoutError, OSError):
-            pass  # it said nothing in time, or has gone
-        finally:
-            self._idle.pop(writer, None)
-            self._lines.pop(writer, None)
-            with contextlib.suppress(OSError):
-                writer.close()
-
-    async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            request = await read_request(reader)
-            while request is not None:
-                path = request.path
-                public = request.method == "GET" and path in FILES
-                with_token = self._guard.enter(request, public)
-                if (request.method, path) == ("GET", "/events"):
-                    await self._stream(reader, writer)
-                    return
-                keep = request.may_keep and self._keeps(path, writer)
-                writer.write(await self._reply(request, path, with_token, keep))
-                await asyncio.wait_for(writer.drain(), FAREWELL)
-                request = await read_request(reader, LINE_PATIENCE) if keep else None
-        except BadRequest as refused:
-            writer.write(answer(refused.status, f"{refused}\n".encode()))
-            await asyncio.wait_for(writer.drain(), FAREWELL)
-
-    def _keeps(self, path: str, writer: asyncio.StreamWriter) -> bool:
-        """Whether a connection is kept for a STOP: nothing else goes through it, nor too often."""
-        now = time.monotonic()
-        last = self._lines.get(writer)
-        if path == "/stop":
-            return last is not None
-        too_soon = last is not None and now - last < LINE_PACE
-        if path != "/line" or too_soon or (last is None and len(self._lines) >= LINES):
-            return False
-        self._idle.pop(writer, None)
-        self._lines[writer] = now
-        return True
-
-    async def _reply(self, request: Request, path: str, with_token: bool, keep: bool) -> bytes:
-        if request.method == "GET":
-            if path in FILES:
-                return answer(HTTPStatus.OK, self._files[path], FILES[path][1])
-            if path == "/state":
-                return _json(self._picture.whole())
-            raise BadRequest(HTTPStatus.NOT_FOUND, "no such page")
-        if request.method != "POST" or path not in ("/line", "/stop", "/first", "/second"):
-            raise BadRequest(HTTPStatus.METHOD_NOT_ALLOWED, "no such button")
-        if path == "/line":
-            return _json("{}", keep)
-        if path == "/stop":
-            return _json(json.dumps(await self._stop()), keep)
-        if not with_token:
-            raise BadRequest(
-                HTTPStatus.FORBIDDEN, "open the link with the token to let the robot drive"
-            )
-        if path == "/first":
-            self._goal = _goal_of(request.json())
-            return _json(json.dumps({"code": self._two.first()}))
-        if not self._two.second(request.json().get("code")):
-            raise BadRequest(HTTPStatus.CONFLICT, "confirm within 5 s after holding the button")
-        done = self._carry_out(self._goal) if self._goal else self._enable()
-        return _json(json.dumps(await done))
-
-    async def _stop(self) -> dict[str, Any]:
+    def stop(self) -> dict[str, Any]:
         """Press the emergency stop; whoever presses while that lasts gets the same answer."""
-        if self._stopping is None or self._stopping.done():
-            self._stopping = asyncio.create_task(self._carry_out("stop"))
-        return await asyncio.shield(self._stopping)
+        with self._lock:
+            if mine := self._stopping.done():
+                self._stopping = Future()
+            running = self._stopping
+        if mine:
+            running.set_result(self._carry_out("stop"))
+        return running.result()
 
-    async def _enable(self) -> dict[str, Any]:
+    def first(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Take the first of two actions; its goal [m, m, rad] may have been clicked."""
+        goal = ""
+        if (pose := asked.get("goal")) is not None:
+            try:
+                x, y, theta = map(float, pose)
+            except (TypeError, ValueError):
+                x = y = theta = math.nan
+            if not all(map(math.isfinite, (x, y, theta))):
+                raise Refused(HTTPStatus.BAD_REQUEST, "expected a goal: x, y, theta")
+            goal = f"{GOAL}{x:.4f} {y:.4f} {theta:.4f}"
+        with self._lock:
+            self._goal = goal
+            return {"code": self._two.first()}
+
+    def second(self, asked: dict[str, Any]) -> dict[str, Any]:
+        """Carry out what two actions asked for."""
+        with self._lock:
+            goal, counts = self._goal, self._two.second(asked.get("code"))
+        if not counts:
+            raise Refused(HTTPStatus.CONFLICT, "confirm within 5 s after holding the button")
+        with self._few:
+            return self._carry_out(goal) if goal else self._enable()
+
+    def _enable(self) -> dict[str, Any]:
         """Clear a stop if one is pressed, then let the robot drive, as `kmpc estop` does."""
-        told = await self._carry_out("status")
+        told = self._carry_out("status")
         if told.get("latched"):
-            told = await self._carry_out("reset")
+            told = self._carry_out("reset")
             until = time.monotonic() + OBEY
             while told.get("ok") and told.get("gate") == STOPPED and time.monotonic() < until:
-                await asyncio.sleep(OBEY / 20)
-                told = await self._carry_out("status")
+                time.sleep(OBEY / 20)
+                told = self._carry_out("status")
             if not told.get("ok"):
                 return told
-        return await self._carry_out("enable")
+        return self._carry_out("enable")
 
-    async def _carry_out(self, word: str) -> dict[str, Any]:
-        loop = asyncio.get_running_loop()
+    def _carry_out(self, word: str) -> dict[str, Any]:
         try:
-            return await loop.run_in_executor(self._pool, self._ask, word)
+            return self._ask(word)
         except Exception as error:  # every error is shown on the page
             unknown = {"ok": False, "latched": False, "gate": None, "confirmed": False}
             return {**unknown, "why": [str(error)]}
 
-    async def _stream(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Let a browser watch until it goes."""
-        writer.write(stream_head())
-        watcher = self.watchers.add(writer)
-        if watcher is None:
-            writer.write(b'data: {"full":true}\n\n')
-            return
-        for others in (self._idle, self._lines):
-            others.pop(writer, None)
-        try:
-            while await reader.read(LONGEST_HEAD):  # what it says is not heard
-                pass
-        finally:
-            self.watchers.remove(watcher)
 
-    async def take(self, channel: Channel, doors: Sequence[Door]) -> None:
-        """Take packets from the program that drives, until it ends."""
-        loop, arrived = asyncio.get_running_loop(), asyncio.Event()
-        loop.add_reader(channel.socket, arrived.set)
-        try:
-            while True:
-                try:
-                    await asyncio.wait_for(arrived.wait(), SILENCE)
-                except TimeoutError:
-                    for door in doors:
-                        door.tidy()
-                    self.watchers.tell(f'{{"silence":{self._picture.age:.1f}}}')
-                    continue
-                arrived.clear()
-                for door in doors:
-                    door.tidy()
-                while (packet := channel.receive()) is not None:
-                    self.watchers.tell(self._picture.take(packet))
-        except EOFError:
-            if not self._picture.over:
-                self.watchers.tell(self._picture.take({"lost": True}))
-        finally:
-            loop.remove_reader(channel.socket)
+class Server(ThreadingHTTPServer):
+    """One page behind one listening socket.
 
-
-def _goal_of(asked: dict[str, Any]) -> str:
-    """Word of a goal [m, m, rad] that was clicked; empty without one.
-
-    Raises
-    ------
-    BadRequest
-        For what is no pose.
+    Parameters
+    ----------
+    listener : socket
+        Listens already.
+    guard : Guard
+        Who may come in.
+    picture : Picture
+        What is shown.
+    buttons : Buttons
+        What can be asked for.
     """
-    if (goal := asked.get("goal")) is None:
-        return ""
-    try:
-        x, y, theta = map(float, goal)
-    except (TypeError, ValueError):
-        x = y = theta = math.nan
-    if not all(map(math.isfinite, (x, y, theta))):
-        raise BadRequest(HTTPStatus.BAD_REQUEST, "expected a goal: x, y, theta")
-    return f"{GOAL}{x:.4f} {y:.4f} {theta:.4f}"
+
+    def __init__(
+        self, listener: socket.socket, guard: Guard, picture: Picture, buttons: Buttons
+    ) -> None:
+        super().__init__(("", 0), Handler, bind_and_activate=False)
+        self.socket.close()
+        self.socket = listener
+        listener.listen(CONNECTIONS)
+        self.guard, self.picture, self.buttons = guard, picture, buttons
+        self.files = {path: (STATIC / name).read_bytes() for path, (name, _) in FILES.items()}
+        self.watchers, self.lines = threading.Semaphore(WATCHERS), threading.Semaphore(LINES)
+        self.idle: dict[Any, None] = {}
+        """Connections that neither watch nor are kept, the oldest first."""
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer one more connection; the oldest idle one goes where there are too many."""
+        self.idle[request] = None
+        for oldest in list(self.idle)[:-CONNECTIONS]:
+            self.idle.pop(oldest, None)
+            try:
+                oldest.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                continue  # has gone already
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Forget a connection."""
+        self.idle.pop(request, None)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A client that has gone is no news; what else fails is said on stderr."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
-def _json(text: str, keep: bool = False) -> bytes:
-    return answer(HTTPStatus.OK, text.encode(), "application/json", keep)
+class Handler(BaseHTTPRequestHandler):
+    """Answers one connection, whatever it says."""
 
+    server: Server
+    protocol_version = "HTTP/1.1"
+    timeout = PATIENCE
+    disable_nagle_algorithm = True
+    is_line = False
+    """Kept for a STOP: a page asks for one, on which its STOP meets no crowd."""
 
-async def _run(channel: Channel, doors: list[socket.socket], server: Server) -> None:
-    opened = [Door(listener, server.serve) for listener in doors]
-    for door in opened:
-        door.open()
-    await server.take(channel, opened)
-    await asyncio.sleep(FAREWELL)
-    os._exit(0)  # remaining viewers and requests delay nothing
+    def do_GET(self) -> None:
+        """Give a file, the picture, or the stream of its changes."""
+        self._answer(self._get)
+
+    def do_POST(self) -> None:
+        """Obey a button."""
+        self._answer(self._post)
+
+    def end_headers(self) -> None:
+        """Say what the browser may do with the answer."""
+        for name, value in SAFETY.items():
+            self.send_header(name, value)
+        super().end_headers()
+
+    def version_string(self) -> str:
+        """Tell nobody which Python this is."""
+        return "kmpc"
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Requests are no news."""
+
+    def finish(self) -> None:
+        """Give a line back."""
+        if self.is_line:
+            self.server.lines.release()
+        super().finish()
+
+    def _answer(self, answer: Callable[[str, bool], None]) -> None:
+        path = self.path.partition("?")[0]
+        public = self.command == "GET" and path in FILES
+        try:
+            names = [name.lower() for name in self.headers]
+            if len(set(names)) < len(names) or "transfer-encoding" in names:
+                raise Refused(HTTPStatus.BAD_REQUEST, "malformed headers")
+            answer(path, self.server.guard.enter(self.command, self.headers, public))
+        except Refused as refused:
+            self._send(f"{refused}\n".encode(), "text/plain; charset=utf-8", refused.status)
+
+    def _send(self, body: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        keep = self.is_line and status == HTTPStatus.OK
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Connection", "keep-alive" if keep else "close")
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _get(self, path: str, with_token: bool) -> None:
+        if path in FILES:
+            self._send(self.server.files[path], FILES[path][1])
+        elif path == "/state":
+            self._send(self.server.picture.whole().encode(), JSON)
+        elif path == "/events":
+            self._watch()
+        else:
+            raise Refused(HTTPStatus.NOT_FOUND, "no such page")
+
+    def _post(self, path: str, with_token: bool) -> None:
+        asked, buttons = self._body(), self.server.buttons
+        answer: dict[str, Any] = {}
+        if path == "/line":
+            self._keep()
+        elif path == "/stop":
+            answer = buttons.stop()
+        elif path not in ("/first", "/second"):
+            raise Refused(HTTPStatus.METHOD_NOT_ALLOWED, "no such button")
+        elif not with_token:
+            raise Refused(
+                HTTPStatus.FORBIDDEN, "open the link with the token to let the robot drive"
+            )
+        else:
+            answer = (buttons.first if path == "/first" else buttons.second)(asked)
+        self._send(json.dumps(answer).encode(), JSON)
+
+    def _body(self) -> dict[str, Any]:
+        text = self.headers.get("Content-Length", "0")
+        if not (text.isascii() and text.isdigit() and len(text) < 10):
+            raise Refused(HTTPStatus.BAD_REQUEST, "malformed Content-Length")
+        if int(text) > LONGEST_BODY:
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "the body is too long")
+        try:
+            value = json.loads(self.rfile.read(int(text)) or b"{}")
+        except (ValueError, RecursionError):
+            value = None
+        if not isinstance(value, dict):
+            raise Refused(HTTPStatus.BAD_REQUEST, "expected an object of JSON")
+        return value
+
+    def _keep(self) -> None:
+        if self.is_line or not self.server.lines.acquire(blocking=False):
+            return
+        self.is_line = True
+        self.server.idle.pop(self.connection, None)
+        self.connection.settimeout(LINE_PATIENCE)
+
+    def _watch(self) -> None:
+        """Send what is new as fast as the browser takes it, until it goes or is stuck."""
+        self.close_connection = True
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "text/event-stream")
+        self.send_header("X-Accel-Buffering", "no")
+        self.end_headers()
+        if not self.server.watchers.acquire(blocking=False):
+            self.wfile.write(b'data: {"full":true}\n\n')
+            return
+        try:
+            self.server.idle.pop(self.connection, None)
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+            version = 0
+            while True:
+                text, version = self.server.picture.since(version, SILENCE)
+                self.wfile.write(f"data: {text}\n\n".encode())
+        finally:
+            self.server.watchers.release()
 
 
 def serve(descriptor: int, make_ask: Callable[[Channel, Picture, dict[str, Any]], Ask]) -> None:
@@ -271,15 +329,22 @@ def serve(descriptor: int, make_ask: Callable[[Channel, Picture, dict[str, Any]]
     make_ask : callable
         Makes the way by which the buttons go, of channel, picture and settings.
     """
-    channel = Channel.inherited(descriptor)
-    channel.socket.setblocking(True)
+    channel, picture = Channel.inherited(descriptor), Picture()
+    select.select([channel.socket], [], [])
     settings = channel.receive()
-    channel.socket.setblocking(False)
     assert settings is not None
-    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
-    picture = Picture()
     guard = Guard(settings["token"], settings["open"], settings["names"])
-    doors = [socket.socket(fileno=number) for number in settings["doors"]]
-    ask = make_ask(channel, picture, settings)
-    asyncio.run(_run(channel, doors, Server(guard, picture, ask)))
+    buttons = Buttons(make_ask(channel, picture, settings))
+    for number in settings["doors"]:
+        server = Server(socket.socket(fileno=number), guard, picture, buttons)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        while True:
+            select.select([channel.socket], [], [])
+            while (packet := channel.receive()) is not None:
+                picture.take(packet)
+    except EOFError:
+        if not picture.over:
+            picture.take({"lost": True})
+    time.sleep(FAREWELL)
+    os._exit(0)  # remaining viewers and requests delay nothing

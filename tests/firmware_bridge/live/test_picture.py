@@ -5,11 +5,11 @@ import math
 from array import array
 
 from firmware_bridge.live.channel import LONGEST, Channel
-from firmware_bridge.live.watchers import TRAIL, Picture
+from firmware_bridge.live.picture import TRAIL, Picture
 
 
 def test_only_what_has_changed_is_reported_and_newcomers_get_everything():
-    picture = Picture(lambda: 0.0)
+    picture = Picture()
     first = json.loads(picture.take({"a": 1, "b": array("d", [1.0, math.nan]).tobytes()}))
     assert first == {"a": 1, "b": [1.0, None]}
     assert json.loads(picture.take({"a": 1, "b": [2.0], "pose": [0.0, 1.0, 0.1]})) == {
@@ -21,7 +21,7 @@ def test_only_what_has_changed_is_reported_and_newcomers_get_everything():
 
 
 def test_the_driven_path_does_not_grow_without_end_nor_while_the_robot_stands():
-    picture = Picture(lambda: 0.0)
+    picture = Picture()
     for k in range(TRAIL + 500):
         for _ in range(2):
             picture.take({"pose": [0.1 * k, 0.0, 0.0]})

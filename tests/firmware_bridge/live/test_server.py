@@ -11,7 +11,7 @@ from browsing import Stream, ask, press, state, wait_for
 
 from firmware_bridge.live.address import LiveAddress, LiveError, is_loopback
 from firmware_bridge.live.feed import Feed
-from firmware_bridge.live.watchers import MOST
+from firmware_bridge.live.server import WATCHERS as MOST
 
 
 class Robot:
@@ -82,6 +82,30 @@ def test_the_page_runs_no_script_but_its_own_and_says_so_to_the_browser():
             ("etc", "POST"),
         ):
             assert ask(link, path, method)[0] in (403, 404, 405)
+
+
+MALFORMED = [
+    (b"GET", 400),
+    (b"\x16\x03\x01\x02\x00", 400),
+    (b"GET /state HTTP/1.1\r\nHost: 127.0.0.1\r\nHost: b", 400),
+    (b"GET /state HTTP/1.1\r\nA: " + b"x" * 70_000, 431),
+    (b"GET /state HTTP/1.1\r\nHost: evil.example", 403),
+    (b"DELETE /state HTTP/1.1\r\nHost: 127.0.0.1", 501),
+    (b"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 99999", 413),
+    (b"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: -1", 400),
+    (b"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 3\r\n\r\n[1]", 400),
+    (b"POST /stop HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked", 400),
+]
+
+
+def test_what_is_malformed_or_too_long_is_refused():
+    with served() as (link, robot, _):
+        url = urlsplit(link)
+        for data, status in MALFORMED:
+            with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
+                sock.sendall(data + b"\r\n\r\n")
+                assert f" {status} ".encode() in sock.recv(1000), data[:60]
+        assert not robot.words
 
 
 def test_on_other_interfaces_nothing_is_reported_without_the_token():

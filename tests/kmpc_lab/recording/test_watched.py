@@ -8,7 +8,7 @@ from robots import Clock
 
 import kmpc_lite as kl
 from firmware_bridge.live.moment import map_packet
-from firmware_bridge.live.watchers import Picture
+from firmware_bridge.live.picture import Picture
 from kmpc_lab import Outcome, drive
 from kmpc_lab.recording.watched import WatchedController
 from kmpc_lite.scenario.files import Scenario
