@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.cross_validation import SelectionOptions
+from kmpc_lite.learn.lag import LONGEST as LATEST
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.learn.motion import DEGREES, GOOD, TIMES, Match, Motion, gather, match, moving_sum
 from kmpc_lite.learn.still import TURNED, find_still
@@ -433,7 +433,7 @@ def tell_delay(delay: float, dt: float) -> str:
     'comes 0.20 s after its command'
     """
     told = f"comes {delay:.2f} s after its command"
-    known = SelectionOptions().longest_history(dt) * dt
+    known = max(LATEST, dt)
     if delay <= known:
         return told
     return (
@@ -452,8 +452,7 @@ def refuse_late(name: str, delay: float, dt: float) -> None:
     DataError
         With the options that mend it.
     """
-    options = SelectionOptions()
-    if delay > TOO_LATE * max(options.longest, options.longest_history(dt) * dt):
+    if delay > TOO_LATE * max(LATEST, dt):
         raise DataError(
             f"{name}: motion {tell_delay(delay, dt)}; where the robot is that late, --force learns "
             "all the same: do not drive by it"

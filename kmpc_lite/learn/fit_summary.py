@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lite.learn.coverage import WORDS, find_coverage
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport
-from kmpc_lite.learn.responses import Response
+from kmpc_lite.learn.lag import Response
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.dictionary.terms import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
@@ -151,7 +151,7 @@ def summarize_fit(
         "braking_distance": float(abs(straight[0]) * speed.delay),
         "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
         "missing": [part.name for part in shown.missing],
-        "warnings": shown.warnings(),
+        "warnings": [*model.info["response"].get("doubts", ()), *shown.warnings()],
     }
 
 

@@ -8,10 +8,10 @@ from typing import Literal
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.lag import aligned, mean_delay
 from kmpc_lite.learn.least_squares import wants_symmetry
 from kmpc_lite.learn.noise import fit_noise, with_noise
 from kmpc_lite.learn.regression import Accumulator, Method
-from kmpc_lite.learn.stopping import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import UNMODELLED_DELAY
@@ -53,15 +53,13 @@ def fit(
     lags : "auto" or sequence of int, optional
         ``"auto"`` finds out what the log supports, in each direction: how late the robot answers,
         how it slips, or nothing at all (`learn.selection`); then the robot that obeys its commands
-        exactly stays. Ages [periods] of the commands that act, the present one being 0, take the
-        place of how late it answers: their shares are found (`learn.responses`), and all else is
-        chosen alike. In a fit that is not symmetric, or has a ridge, each has weights of its own
-        in every direction, as with an `InputHistoryDictionary`. Without any, commands are paired
-        with the motion that comes of them later, and how much later is kept beside the model: the
-        controller brings poses forward by it.
+        exactly stays. Ages [periods] of the commands that act, the present one being 0, have
+        weights of their own in every direction, as with an `InputHistoryDictionary`. Without any,
+        commands are paired with the motion that comes of them later, and how much later is kept
+        beside the model: the controller brings poses forward by it.
     ramps : bool
         Whether, together with lags that are chosen, ramps are looked for by which the robot changes
-        its speeds (`learn.ramps`): then the model is one of commands as they let them through, and
+        its speeds (`learn.lag`): then the model is one of commands as they let them through, and
         the controller asks for no faster changes.
     whole : Dataset, optional
         The log of which `dataset` is a part: lags and terms are chosen on all of it, and fitted to
@@ -103,12 +101,8 @@ def fit(
             f"the log, got {lifting.commands}; {type(lifting).__name__}(commands=...) makes one"
         )
     symmetric = wants_symmetry(symmetric, method, lifting)
-    chooses = symmetric and not ridge and not lifting.history
-    given = () if lags is None or lags == "auto" else tuple(lags)
-    by_age = InputHistoryDictionary(lifting, given) if given else None
-    ages = by_age.lags if by_age else ()
-    if lags == "auto" or (chooses and any(ages)):
-        if not chooses:
+    if lags == "auto":
+        if not symmetric or ridge or lifting.history:
             raise DataError(
                 "lags='auto' goes with the symmetric integral fit, without a ridge and with a "
                 "dictionary that knows no history itself"
@@ -126,9 +120,11 @@ def fit(
             return with_ramps(model, dataset, found)
         refuse_frozen(dataset)
         refuse_car_like(dataset)
-        model = build_model(select(dataset, None, ages, whole, stay), lifting, dataset.dt)
+        model = build_model(select(dataset, whole, stay), lifting, dataset.dt)
         return with_noise(model, dataset) if noise else model
-    return _fit_once(dataset, by_age or lifting, method, ridge, noise, symmetric)
+    if lags is not None:
+        lifting = InputHistoryDictionary(lifting, tuple(lags))
+    return _fit_once(dataset, lifting, method, ridge, noise, symmetric)
 
 
 def _fit_once(
@@ -140,7 +136,9 @@ def _fit_once(
     symmetric: bool,
 ) -> KoopmanModel:
     """Fit a dictionary as it is."""
-    delay = unmodelled_delay(dataset) if symmetric and not lifting.history else 0.0
+    delay = 0.0
+    if symmetric and not lifting.history:
+        delay = mean_delay(dataset)
     seen = aligned(dataset, delay) if delay else dataset
     model: KoopmanModel | None = None
     for _ in range(2 if method == "integral" else 1):

@@ -13,7 +13,6 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.directions import ACROSS, ALONG, HEADING, NAMES, NOMINAL
 from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fit_summary import (
     BETTER,
@@ -28,7 +27,14 @@ from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
 from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method
-from kmpc_lite.learn.selection import learned_axes
+from kmpc_lite.learn.selection import (
+    ACROSS,
+    ALONG,
+    HEADING,
+    NAMES,
+    NOMINAL,
+    learned_axes,
+)
 from kmpc_lite.learn.still import refuse_car_like
 from kmpc_lite.model.dictionary import (
     Dictionary,

@@ -8,21 +8,13 @@ commands as the ramps let them through, and the controller asks for no faster ch
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode
-from kmpc_lite.learn.ramp_search import (
-    LONGEST,
-    MOST_STEPS,
-    STEP,
-    WINDOW,
-    Stretch,
-    find_ramp,
-    follow,
-)
+from kmpc_lite.learn.lag import BLOCKS, CHANCE, LONGEST, WINDOW, Motor, Response, is_sure
 from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.model.dictionary.response import driven_by_ramps
@@ -30,22 +22,29 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import Array
 
+RAMP_PARTS = 5
+"""Parts of a period in which a ramp is reckoned."""
+EXPLAINED = 0.5
+"""Share of the motion, squared, that the commands must explain, by a ramp or without: of what is
+noise of the poses, any ramp explains a part."""
+SLOWEST, STEP, REFINED = 6.0, 1.3, 1.08
+"""Slowest ramp that is tried: time to the fastest command of the log [s], slower ones where a log
+drives in one direction for longer than its robot comes to speed by them; ratio of neighbouring
+ramps that are tried first, and around the best one."""
+WORTH = 0.05
+"""Share of the squared error that a ramp must explain at the least."""
+BESIDE = [Response(d, t) for d in (0.0, 0.1, 0.2, 0.3, 0.5) for t in (0.0, 0.05, 0.1, 0.2, 0.35)]
+"""Responses that are tried beside each ramp [s]."""
 STARTS = 3
 """Starts from rest, or stops, from which on a log says how fast its commands were changed; so many
 as fast as a ramp, or faster, are needed for the ramp to show."""
-REST, SPEED = 0.1, 0.5
-"""Shares of the fastest command between which a start, or a stop, is timed."""
-AT_ONCE = 0.3
-"""Commands that come to the fastest one within this time come there at once [s]: robots whose ramps
-are as short are driven as well by a lag."""
 
 
 def find_ramps(dataset: Dataset) -> Ramps:
-    """Find the ramps of speed and turn rate that a log shows beyond chance.
+    """Find the ramps of speed and turn rate that a log shows beyond chance; infinite for none.
 
-    All pairs of ramps, away from zero and towards it, are compared with none, each with the dead
-    time, the time constant and the gain that suit it best, on parts of the log that they were not
-    chosen by.
+    All pairs of ramps, away from zero and towards it, are compared with none. A car's turns
+    follow its speed, and its steering has a rate of its own [1/m per second].
 
     Examples
     --------
@@ -53,40 +52,94 @@ def find_ramps(dataset: Dataset) -> Ramps:
     >>> find_ramps(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0)).limit
     False
     """
-    found = np.full((len(Ramps._fields), dataset.commands), FREE)
-    # a car's turn rate follows its speed, and its steering has a rate of its own
-    for axis in range(1 if dataset.steered else dataset.commands):
-        found[:, axis] = _find(dataset, axis)
-    if dataset.steered:
-        found[:, 1] = find_steering_rate(dataset)
-    return Ramps(*found)
+    pairs = [_ramps_of(dataset, axis) for axis in range(dataset.commands)]
+    return Ramps(*np.array(pairs).T)
 
 
-def shown_changes(dataset: Dataset) -> Ramps:
-    """Tell how fast a log starts and stops: how the robot follows faster changes is unknown.
+def _ramps_of(dataset: Dataset, axis: int) -> tuple[float, float]:
+    """Ramps away from zero and towards it of one number; of a car's steering one for both."""
+    motor, servo = Motor(dataset, [axis]), bool(axis and dataset.steered)
+    (told,) = motor.told
+    commands = np.split(told, motor.parts)
+    changes = np.sort(np.concatenate([np.abs(np.diff(u)) for u in commands])) / dataset.dt
+    most = float(changes[-STARTS if servo else -1]) if len(changes) >= STARTS else 0.0
+    usual = float(np.abs(told).max()) / SLOWEST
+    # at what speed an episode begins is not known: its first second says nothing of ramps
+    whole = motor.longest * dataset.dt >= LONGEST - 0.5 * dataset.dt
+    if not whole or motor.blocks < BLOCKS // 2 or not most > usual > 0.0:
+        return FREE, FREE
+    slower = 0.0 if servo else np.ceil(np.log(max(usual / _slowest(motor), 1.0)) / np.log(STEP))
+    rates = usual * STEP ** np.arange(-slower, int(np.log(most / usual) / np.log(STEP)) + 1)
+    free, tried = motor.fit(motor.tried())[0], _pairs([*rates, FREE], [*rates, FREE], servo)
+    limited = _limited(motor, tried)
+    left = min(float(e.sum(axis=-1).min()) for e in (free, limited))
+    every = limited.reshape(-1, motor.blocks)
+    if left > 1.0 - EXPLAINED or not is_sure(free, every, CHANCE, WORTH):
+        return FREE, FREE
+    around = REFINED ** np.arange(-3.0, 4.0)
+    best = tried[int(limited.sum(axis=2).min(axis=1).argmin())]
+    near = [list(rate * around) if rate < FREE else [FREE] for rate in best]
+    tried = _pairs(near[0], near[1], servo)
+    found = tried[int(_limited(motor, tried).sum(axis=2).min(axis=1).argmin())]
+    if servo:
+        return found if found[0] < most else (FREE, FREE)
+    asked = (starts(commands, dataset.dt, back) for back in (False, True))
+    shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
+    return found if any(shows) else (FREE, FREE)
 
-    Infinite if the commands come to the fastest one of the log at once, or nearly so; where the
-    log starts, or stops, too rarely to tell; and where it does so more slowly than any ramp that is
-    looked for, for a robot that is limited to that hardly moves.
+
+def _pairs(faster: list[float], slower: list[float], alike: bool) -> list[tuple[float, float]]:
+    """Pairs of ramps that limit anything; both the same where they are alike."""
+    if alike:
+        return [(rate, rate) for rate in faster if rate < FREE]
+    return [(f, s) for f in faster for s in slower if min(f, s) < FREE]
+
+
+def _limited(motor: Motor, pairs: list[tuple[float, float]]) -> Array:
+    """Errors (C, R, B) of pairs of ramps, with the responses that are tried beside each."""
+    (faster, slower), parts = np.array(pairs).T, np.split(motor.told[0], motor.parts)
+    passed = np.concatenate([follow(told, faster, slower, motor.dt) for told in parts])
+    return np.array([motor.fit(BESIDE, [told])[0] for told in passed.T])
+
+
+def _slowest(motor: Motor) -> float:
+    """Slowest ramp by which a robot may have come to the speed that it shows.
+
+    Within the longest time for which it was commanded in one direction.
     """
-    found = np.full((len(Ramps._fields), dataset.commands), FREE)
-    for axis in range(dataset.commands):
-        commands = [
-            held_curvatures(e.inputs) if axis and e.steered else e.inputs[:, axis]
-            for e in dataset.episodes
-        ]
-        fastest = max(float(np.abs(u).max()) for u in commands)
-        for side, backwards in enumerate((False, True)):
-            rates = _starts(commands, dataset.dt, backwards)
-            if len(rates) < STARTS:
-                continue
-            shown = float(np.sort(rates)[-STARTS])
-            if fastest / LONGEST <= shown < fastest / AT_ONCE:
-                found[side, axis] = shown
-    return Ramps(*found)
+    length, fastest, longest = max(1, round(WINDOW / motor.dt)), 0.0, 1
+    parts = (np.split(rows[0], motor.parts) for rows in (motor.told, motor.moved))
+    for told, moved in zip(*parts, strict=True):
+        sums = np.cumsum(np.insert(moved, 0, 0.0))
+        shown = np.abs(sums[length:] - sums[:-length]) / (length * motor.dt)
+        fastest = max(fastest, float(shown.max(initial=0.0)))
+        turns = np.flatnonzero(np.diff(np.sign(told)))
+        ends = np.concatenate([[-1], turns, [len(told) - 1]])
+        longest = max(longest, int(np.diff(ends).max()))
+    return fastest / (longest * motor.dt) if fastest > 0.0 else FREE
 
 
-def _starts(commands: list[Array], dt: float, backwards: bool = False) -> Array:
+def follow(told: Array, faster: Array, slower: Array, dt: float, at_ends: bool = False) -> Array:
+    """Speeds that follow commanded ones (T,) by ramps (C,): means of periods (T, C), or at ends."""
+    speed = np.full(len(faster), told[0])
+    up, down = faster * dt / RAMP_PARTS, slower * dt / RAMP_PARTS
+    found = np.empty((len(told), len(faster)))
+    for k, aim in enumerate(told.tolist()):
+        total = 0.5 * speed
+        for _ in range(RAMP_PARTS):
+            grows = np.abs(aim) >= np.abs(speed)
+            limit = np.where(grows & (aim * speed >= 0.0), up, down)
+            speed = speed + np.minimum(np.maximum(aim - speed, -limit), limit)
+            total = total + speed
+        found[k] = speed if at_ends else (total - 0.5 * speed) / RAMP_PARTS
+    return found
+
+
+REST, SPEED = 0.1, 0.5
+"""Shares of the fastest command between which a start, or a stop, is timed."""
+
+
+def starts(commands: Sequence[Array], dt: float, backwards: bool = False) -> Array:
     """Fastest changes (n,) of starts from rest to speed; backwards: of stops.
 
     A command that changes its sign was at rest in between.
@@ -105,6 +158,33 @@ def _starts(commands: list[Array], dt: float, backwards: bool = False) -> Array:
                 rates.append(float(rises[rest:k].max()) / dt)
                 rest = -1
     return np.array(rates)
+
+
+AT_ONCE = 0.3
+"""Commands that come to the fastest one within this time come there at once [s]: robots whose ramps
+are as short are driven as well by a lag."""
+
+
+def shown_changes(dataset: Dataset) -> Ramps:
+    """Tell how fast a log starts and stops: how the robot follows faster changes is unknown.
+
+    Infinite if the commands come to the fastest one of the log at once, or nearly so; where the
+    log starts, or stops, too rarely to tell; and where it does so more slowly than any ramp that is
+    looked for, for a robot that is limited to that hardly moves.
+    """
+    found = np.full((len(Ramps._fields), dataset.commands), FREE)
+    for axis in range(dataset.commands):
+        commands = [
+            held_curvatures(e.inputs) if axis and e.steered else e.inputs[:, axis]
+            for e in dataset.episodes
+        ]
+        fastest = max(float(np.abs(u).max()) for u in commands)
+        for side, backwards in enumerate((False, True)):
+            rates = starts(commands, dataset.dt, backwards)
+            shown = float(np.sort(rates)[-STARTS]) if len(rates) >= STARTS else FREE
+            if fastest / SLOWEST <= shown < fastest / AT_ONCE:
+                found[side, axis] = shown
+    return Ramps(*found)
 
 
 def with_ramps(model: KoopmanModel, dataset: Dataset, ramps: Ramps) -> KoopmanModel:
@@ -136,84 +216,3 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
             columns[1] = columns[0] * columns[1]
         episodes.append(replace(episode, inputs=np.concatenate(columns, axis=1)))
     return Dataset(episodes)
-
-
-def _find(dataset: Dataset, axis: int) -> tuple[float, float]:
-    """Ramps away from zero and towards it of one command; infinite if none is sure."""
-    stretches = [
-        Stretch(e.inputs[:, axis], e.moved[:, axis], np.full(len(e), e.dt))
-        for e in _shortened(dataset)
-    ]
-    commands = [s.told for s in stretches]
-    changes = _changes(commands, dataset.dt)
-    least = _slowest(stretches, dataset.dt)
-    tried = np.append(_rates(commands, changes.max(initial=0.0), least), FREE)
-    if len(tried) == 1:
-        return FREE, FREE
-    faster, slower = (a.ravel() for a in np.meshgrid(tried, tried))
-    limited = np.isfinite(faster) | np.isfinite(slower)
-    found = find_ramp(stretches, faster[limited], slower[limited], dataset.dt)
-    asked = (_starts(commands, dataset.dt, back) for back in (False, True))
-    shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
-    return found if any(shows) else (FREE, FREE)
-
-
-def find_steering_rate(dataset: Dataset) -> float:
-    """Find how fast the curvature of a car changes [1/m per second]; infinite if none is sure.
-
-    A servo turns at a rate of its own: the larger a change, the longer it takes. Taken for a lag it
-    would be too late for small changes, which it follows at once, and too early for large ones.
-    Turns are predicted from the ways that were driven: how the speed follows does not matter.
-    """
-    stretches = [
-        Stretch(held_curvatures(e.inputs), e.moved[:, -1], e.moved[:, 0])
-        for e in _shortened(dataset)
-    ]
-    commands = [s.told for s in stretches]
-    changes = np.sort(_changes(commands, dataset.dt))
-    most = float(changes[-STARTS]) if len(changes) >= STARTS else 0.0
-    rates = _rates(commands, most)
-    if not len(rates):
-        return FREE
-    found, _ = find_ramp(stretches, rates, rates, dataset.dt, alike=True)
-    return found if found < most else FREE
-
-
-def _shortened(dataset: Dataset) -> list[Episode]:
-    """Episodes until there are as many steps as are looked at."""
-    before = np.cumsum([0, *(len(e) for e in dataset.episodes[:-1])])
-    return [e for e, n in zip(dataset.episodes, before, strict=True) if n < MOST_STEPS]
-
-
-def _changes(commands: list[Array], dt: float) -> Array:
-    """How fast commands change from row to row, (n,)."""
-    return np.concatenate([np.abs(np.diff(told)) for told in commands]) / dt
-
-
-def _slowest(stretches: list[Stretch], dt: float) -> float:
-    """Slowest ramp by which a robot may have come to the speed that it shows.
-
-    Within the longest time for which it was commanded in one direction.
-    """
-    length, fastest, longest = max(1, round(WINDOW / dt)), 0.0, 1
-    for stretch in stretches:
-        sums = np.cumsum(np.insert(stretch.moved, 0, 0.0))
-        shown = np.abs(sums[length:] - sums[:-length]) / (length * dt)
-        fastest = max(fastest, float(shown.max(initial=0.0)))
-        turns = np.flatnonzero(np.diff(np.sign(stretch.told)))
-        ends = np.concatenate([[-1], turns, [len(stretch.told) - 1]])
-        longest = max(longest, int(np.diff(ends).max()))
-    return fastest / (longest * dt) if fastest > 0.0 else FREE
-
-
-def _rates(commands: list[Array], most: float, slowest: float = FREE) -> Array:
-    """Ramps that are tried first, (n,): those that take the longest, to the fastest change.
-
-    Slower ones are tried down to the slowest that a log can show.
-    """
-    usual = max(float(np.abs(told).max()) for told in commands) / LONGEST
-    if not most > usual > 0.0:
-        return np.empty(0)
-    slower = np.ceil(np.log(max(usual / slowest, 1.0)) / np.log(STEP))
-    faster = int(np.log(most / usual) / np.log(STEP))
-    return usual * STEP ** np.arange(-slower, faster + 1)

@@ -1,48 +1,86 @@
-"""Which terms of a model a log supports: response, slip terms and rows, by one rule.
+"""Which terms of a model a log supports: slip and gains, by one rule in each direction.
 
-In each direction (heading, along, across) the choice begins with the nominal unicycle. A richer
-candidate replaces it only if it beats it, beyond chance, on blocks that it was neither fitted to
-nor chosen by; of those that do, the simplest is taken that the best does not beat beyond chance.
-All candidates are judged on the same windows. The chosen rows become a model with a record of it.
+In each direction the choice begins with the nominal unicycle, which answers as late as the robot
+does (`learn.lag`). Ladders of ever more terms replace it only if they beat it, beyond chance, on
+blocks that they were neither fitted to nor chosen by; of those that do, the simplest is taken that
+the best does not beat beyond chance. Errors are quadratic forms in the blocks' second moments:
+fitting without a part of the log costs two small products, not another pass.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.errors import DataError
-from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.directions import (
-    ACROSS,
-    ALONG,
-    HEADING,
-    NAMES,
-    NOMINAL,
-    STAYS,
-    AnyResponse,
-    Direction,
-    Search,
-    choose_across,
-    choose_response,
-    refine,
+from kmpc_lite.learn.ladders import CAR, DIFFERENTIAL, OMNI, Ladder
+from kmpc_lite.learn.lag import (
+    AT_ONCE,
+    CHANCE,
+    MOST_STEPS,
+    Response,
+    assign_folds,
+    critical_score,
+    find_response,
+    gain_score,
 )
 from kmpc_lite.learn.least_squares import symmetric_generator
-from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
-from kmpc_lite.learn.windows import Rows, Windows, cut, largest_speeds, nominal_rows
+from kmpc_lite.learn.windows import (
+    Moments,
+    Rows,
+    Windows,
+    cut,
+    largest_speeds,
+    moments,
+    nominal_rows,
+    squared_errors,
+)
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.dictionary.response import ResponseDictionary
 from kmpc_lite.model.dictionary.terms import terms_of
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
-CAR_OPTIONS = SelectionOptions(significance=0.01)
-"""Motor and servo of a car lag, and few blocks of its log show how much: as with ramps, what is
-missed is a stop that comes too late."""
+ALONG, ACROSS, HEADING = range(3)
+"""Rows of a model, and places of their moments in `Moments`."""
+NAMES = ("along", "across", "heading")
+NOMINAL = "nominal"
+"""Name of the nominal robot, the step before the ladders."""
+WINDOW, BLOCK, FEWEST_BLOCKS = 1.0, 5.0, 16
+"""Length of the windows that are predicted, about what a plan looks ahead, and of a block, longer
+than a disturbance lasts [s]; short logs are cut into shorter blocks until there are so many."""
+MOST_HISTORY, KEPT = 24, 0.5
+"""Longest history of a model [periods]: each adds columns to the quadratic program; share of the
+windows that must remain after it."""
+SIGNIFICANCE, OF_CARS = 0.001, 0.01
+"""Probability at which a worthless explanation may pass, in each direction; few blocks of a car's
+log show how tyres and servo turn it. Where more terms explain nothing they pass by `CHANCE`."""
+SMOOTHED = 0.05
+"""Share of the largest speed below which ``|omega|`` is rounded."""
+BOTH_WAYS = 0.1
+"""Share of a log that drives forward, and back, from which on it may show a gain for each."""
+RIDGE = 1e-9
+"""Share of the scaled moments' diagonals that is added to them."""
+
+
+class Direction(NamedTuple):
+    """What was chosen for one row."""
+
+    step: str
+    """Of its ladder, or `NOMINAL`."""
+    score: float
+    """Gain over the nominal robot on blocks held out, in standard errors."""
+    critical: float
+    """What the score had to exceed."""
+    terms: tuple[int, ...] = ()
+    """What explains it beside the nominal row."""
+
+
+STAYS = Direction(NOMINAL, 0.0, float("inf"))
+"""What is said where there is no choice."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +92,12 @@ class Selection:
     blocks: int
     """Blocks that the choice was made on."""
     rows: Rows
-    speed: AnyResponse = AT_ONCE
-    turn: AnyResponse = AT_ONCE
+    speed: Response = AT_ONCE
+    turn: Response = AT_ONCE
+    doubts: tuple[str, ...] = ()
+    """What the log leaves open of the responses, in words."""
     longest: int = 0
-    """Longest history that was looked at [periods]."""
+    """Longest history of a response [periods]."""
     directions: tuple[Direction, ...] = (STAYS, STAYS, STAYS)
     """Along, across, heading."""
     windows: int = 0
@@ -73,132 +113,279 @@ class Selection:
         return all(direction.step == NOMINAL for direction in self.directions)
 
 
-def select(
-    dataset: Dataset,
-    options: SelectionOptions | None = None,
-    ages: Sequence[int] = (),
-    whole: Dataset | None = None,
-    stay: Collection[int] = (),
-) -> Selection:
-    """Choose response, slip terms and rows, and fit them.
+def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int] = ()) -> Selection:
+    """Find how late the robot answers, choose slip terms and gains, and fit them.
 
     Parameters
     ----------
     dataset : Dataset
         What is fitted.
-    options : SelectionOptions, optional
-        How.
-    ages : sequence of int
-        Of the commands that act [periods]; if there are none, a dead time and a time constant
-        are looked for.
     whole : Dataset, optional
-        What terms are chosen on: the log of which `dataset` is a part; `dataset` if not given.
+        What lags and terms are chosen on: the log of which `dataset` is a part; `dataset` if not
+        given.
     stay : collection of int
         Directions (`ALONG`, `ACROSS`, `HEADING`) that stay those of the nominal robot.
-
-    Raises
-    ------
-    DataError
-        For ages that a log is too short for, or an omni's.
     """
-    if ages and dataset.commands > INPUTS:
-        raise DataError(
-            "lags: how much of past commands acts is found of a speed and a turn rate; an omni's "
-            "lag is found by itself (lags='auto')"
-        )
-    if options is None:
-        options = CAR_OPTIONS if dataset.steered else SelectionOptions()
-    windows, limits = cut_for(dataset, options, ages), largest_speeds(dataset)
-    terms = tuple(0.05 * most for most in limits), limits
-    blocks = len(windows.blocks)
-    if blocks < 3 and ages:
-        longest = (windows.longest + windows.length) * dataset.dt
-        raise DataError(
-            f"lags: expected at least three pieces of driving longer than {longest:g} s without a "
-            f"gap, as lags up to {max(ages)} periods need; got {blocks}"
-        )
+    log = dataset if whole is None else whole
+    limits, m = largest_speeds(dataset), dataset.commands
+    smoothing = tuple(SMOOTHED * most for most in limits)
+    found, doubts = {ALONG: AT_ONCE, HEADING: AT_ONCE}, []
+    for which, axes, name in ((ALONG, range(m - 1), "speed"), (HEADING, (m - 1,), "turn rate")):
+        lag = find_response(log, axes)
+        if lag.sure and which not in stay:
+            found[which] = lag.response
+            doubts += [f"lag of the {name}: ambiguous, {lag.doubt}"] if lag.doubt else []
+    speed, turn = found[ALONG], found[HEADING]
+    longest = min(MOST_HISTORY, max(speed.periods(dataset.dt), turn.periods(dataset.dt)))
+    judged, fitted = (_windows(data, longest) for data in (_thinned(log), dataset))
+    blocks = min(len(judged.blocks), len(fitted.blocks))
     if blocks < 3:
-        return Selection(*terms, blocks, nominal_rows(len(limits)), steered=dataset.steered)
-    given = shares_of_ages(windows, ages) if ages else None
-    fitted, search = (
-        Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
-        for log in (dataset, dataset if whole is None else whole)
-    )
-    turn: AnyResponse = AT_ONCE
-    speed: AnyResponse = AT_ONCE
-    heading = along = across = STAYS
-    if HEADING not in stay:
-        turn, heading = choose_response(search, HEADING, AT_ONCE, options)
-    if ALONG not in stay:
-        speed, along = choose_response(search, ALONG, turn, options)
-    if HEADING not in stay and dataset.steered and speed != AT_ONCE:
-        turn, heading = choose_response(search, HEADING, speed, options)
-    if ACROSS not in stay:
-        across = choose_across(search, speed, turn, along.terms, options)
-    # only a car's turn rate follows its speed
-    rolls = speed if dataset.steered else AT_ONCE
-    turn = refine(fitted, HEADING, turn, rolls, heading.terms, options)
-    speed = refine(fitted, ALONG, speed, turn, along.terms, options)
-    every = Search(windows, *terms, dataset)
+        return Selection(smoothing, limits, blocks, nominal_rows(m), steered=dataset.steered)
+    answers = _moments(judged, speed, turn, smoothing, limits)
+    at_once = _moments(judged, AT_ONCE, AT_ONCE, smoothing, limits)
+    chooser = _Chooser(answers, at_once, log, smoothing[0])
+    along = STAYS if ALONG in stay else chooser.choose(ALONG)
+    heading = STAYS if HEADING in stay else chooser.choose(HEADING)
+    across = STAYS if ACROSS in stay else chooser.choose(ACROSS, along.terms)
     chosen = (along, across, heading)
-    rows, condition = _fit_rows(every, speed, turn, chosen)
+    every = _moments(fitted, speed, turn, smoothing, limits)
+    if dataset.steered:
+        every = weighed(every, every)
+    rows, condition = _fit_rows(every, chooser, chosen)
     return Selection(
-        *terms,
-        len(search.windows.blocks),
+        smoothing,
+        limits,
+        len(judged.blocks),
         rows,
         speed,
         turn,
-        windows.longest,
+        tuple(doubts),
+        fitted.longest,
         chosen,
-        windows.count,
+        fitted.count,
         condition,
         dataset.steered,
     )
 
 
-def cut_for(dataset: Dataset, options: SelectionOptions, ages: Sequence[int] = ()) -> Windows:
-    """Cut a log into enough blocks, after the longest history that leaves enough windows.
-
-    Where ages of commands [periods] are given, after one that holds them.
-    """
-    length = max(1, round(options.window / dataset.dt))
+def _windows(dataset: Dataset, longest: int) -> Windows:
+    """Cut a log into enough blocks, after a history that leaves enough windows."""
+    length = max(1, round(WINDOW / dataset.dt))
     counts = np.array([len(e) for e in dataset.episodes])
-    longest = max(ages, default=options.longest_history(dataset.dt))
     whole = np.maximum(counts - length + 1, 0).sum()
-    while (
-        not ages
-        and longest
-        and np.maximum(counts - longest - length + 1, 0).sum() < options.kept * whole
-    ):
+    while longest and np.maximum(counts - longest - length + 1, 0).sum() < KEPT * whole:
         longest -= 1
-    seconds = min(options.block, dataset.steps * dataset.dt / options.fewest_blocks)
-    return cut(dataset, longest, length, max(seconds, 1.5 * options.window))
+    seconds = min(BLOCK, dataset.steps * dataset.dt / FEWEST_BLOCKS)
+    return cut(dataset, longest, length, max(seconds, 1.5 * WINDOW))
 
 
-def _thinned(dataset: Dataset, options: SelectionOptions) -> Dataset:
+def _moments(
+    windows: Windows,
+    speed: Response,
+    turn: Response,
+    smoothing: tuple[float, ...],
+    limits: tuple[float, ...],
+) -> Moments:
+    """Second moments of windows for a response of each motor."""
+    by_speed, by_turn = (r.weights(windows.dt, windows.longest) for r in (speed, turn))
+    return moments(windows, by_speed, by_turn, smoothing, limits)
+
+
+def _thinned(dataset: Dataset) -> Dataset:
     """Evenly spread pieces of a long log."""
-    every = -(-dataset.steps // options.most_steps)
+    every = -(-dataset.steps // MOST_STEPS)
     if every <= 1:
         return dataset
-    return Dataset(dataset.windows(4.0 * options.block).episodes[::every])
+    return Dataset(dataset.windows(4.0 * BLOCK).episodes[::every])
+
+
+class Row(NamedTuple):
+    """One row of a model: its terms, and the moments that these are fitted to and judged by."""
+
+    which: int
+    ladder: Ladder
+    base: Array
+    """Weights of the nominal robot, (p,)."""
+    first: int = 0
+    """Weight of its first term."""
+    before: tuple[int, ...] = ()
+    """Weights of other rows that are free beside its own, and stand before them."""
+    after: tuple[int, ...] = ()
+    """The same behind them."""
+
+    def columns(self, terms: Sequence[int]) -> Array:
+        """Weights that are free where terms are chosen."""
+        own = (self.first + term for term in terms)
+        return np.array([*self.before, *own, *self.after], dtype=int)
+
+    def fitted(self, moment: Moments) -> Array:
+        """Moments whose sum is minimised: both rows of the position are fitted together."""
+        return moment.heading if self.which == HEADING else moment.along + moment.across
+
+    def solve(self, moment: Moments, terms: Sequence[int]) -> Array:
+        """Weights (p,) by which terms explain all blocks best."""
+        return solve_columns(self.fitted(moment).sum(axis=0), self.columns(terms), self.base)
+
+
+class _Chooser:
+    """Chooses the terms of each row by the moments of one log."""
+
+    def __init__(self, moment: Moments, at_once: Moments, log: Dataset, slow: float) -> None:
+        self._commands, self._steered = log.commands, log.steered
+        self.ladders = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
+        v = log.inputs[:, 0]
+        ways = min(float((sign * v > slow).mean()) for sign in (1.0, -1.0))
+        self._gears = self.ladders.gears if ways >= BOTH_WAYS else None
+        self._critical = critical_score(
+            len(moment.heading), OF_CARS if log.steered else SIGNIFICANCE
+        )
+        self._moment, self._at_once = moment, at_once
+        if log.steered:
+            self._moment, self._at_once = weighed(moment, moment), weighed(at_once, moment)
+
+    def row(self, which: int, along: Sequence[int] = ()) -> Row:
+        """Row of a model; the sideways speed's beside chosen terms of the forward speed."""
+        nominal, ladders = nominal_rows(self._commands), self.ladders
+        if which == HEADING:
+            return Row(which, ladders.heading, nominal.heading)
+        base, first = np.concatenate([nominal.along, nominal.across]), len(nominal.along)
+        if which == ACROSS:
+            return Row(which, ladders.across, base, first, before=tuple(along))
+        return Row(which, ladders.along, base, after=tuple(first + t for t in ladders.beside))
+
+    def choose(self, which: int, along: Sequence[int] = ()) -> Direction:
+        """Take the best step of a ladder if it beats the nominal robot beyond chance.
+
+        A gain for each way of driving is looked for by itself: a candidate more in every choice
+        would cost the others power.
+        """
+        row = self.row(which, along)
+        plain = (self._moment, row.solve(self._moment, ()))
+        if which != ACROSS:
+            plain = (self._at_once, row.base)
+        reference = squared_errors(plain[0][which], plain[1])
+        best, score, errors = self._validate(row, [terms for _, terms in row.ladder], reference)
+        found = Direction(NOMINAL, score, self._critical)
+        if score > self._critical:
+            found = Direction(row.ladder[best][0], score, self._critical, row.ladder[best][1])
+        if self._gears is None or which == ACROSS:
+            return found
+        motor = int(which == HEADING)
+        terms = tuple(sorted({*found.terms, motor, self._gears[motor]}))
+        errors = self._validate(row, [found.terms], reference)[2]
+        score = self._validate(row, [terms], errors)[1]
+        return Direction("gears", score, self._critical, terms) if score > self._critical else found
+
+    def _validate(
+        self, row: Row, steps: Sequence[Sequence[int]], reference: Array
+    ) -> tuple[int, float, Array]:
+        """Nested cross-validation: the step that is taken, its score, and honest errors (B,).
+
+        For each fold, the choice is made by cross-validation among the other folds, the weights are
+        fitted to them, and the errors are taken on the fold.
+        """
+        fitted, judged = row.fitted(self._moment), self._moment[row.which]
+        folds = assign_folds(len(judged))
+        count = int(folds.max()) + 1
+        one, other = np.triu_indices(count)
+        outer = np.zeros((len(steps), len(folds)))
+        inner = np.zeros((len(steps), count, len(folds)))
+        parts = np.array([fitted[folds == k].sum(axis=0) for k in range(count)])
+        # leave out one fold where both are the same, else both
+        left_out = parts[one] + np.where((one == other)[:, None, None], 0.0, parts[other])
+        for c, terms in enumerate(steps):
+            weights = solve_columns(parts.sum(axis=0) - left_out, row.columns(terms), row.base)
+            errors = squared_errors(judged, weights)
+            for i, j, told in zip(one, other, errors, strict=True):
+                if i == j:
+                    outer[c, folds == i] = told[folds == i]
+                else:
+                    inner[c, i, folds == j] = told[folds == j]
+                    inner[c, j, folds == i] = told[folds == i]
+        sizes, honest = [len(terms) for terms in steps], np.empty(len(folds))
+        for o in range(count):
+            chosen = simplest(inner[:, o, folds != o], sizes)
+            honest[folds == o] = outer[chosen, folds == o]
+        score = gain_score(reference, honest, not self._steered)
+        return simplest(outer, sizes), score, honest
+
+
+def weighed(moment: Moments, by: Moments) -> Moments:
+    """Moments of a car, in which slow blocks count as much as fast ones: it is driven at both.
+
+    Each block counts by the inverse of what the nominal robot errs in it. They are compared block
+    by block then, as they are.
+    """
+    base = nominal_rows()
+    place = squared_errors(by.along + by.across, np.concatenate([base.along, base.across]))
+    turn = squared_errors(by.heading, base.heading)
+    place, turn = (
+        (1.0 / np.maximum(e + np.median(e), 1e-12))[:, None, None] for e in (place, turn)
+    )
+    return Moments(moment.along * place, moment.across * place, moment.heading * turn)
+
+
+def simplest(errors: Array, sizes: Sequence[int]) -> int:
+    """Index of the simplest candidate that the best one does not beat beyond chance: errors (C, B).
+
+    Of 20 terms that explain nothing, one is taken.
+    """
+    total, blocks = errors.sum(axis=1), errors.shape[1]
+    best = int(np.argmin(total))
+    behind = errors - errors[best]
+    spread = behind.std(axis=1, ddof=1) * np.sqrt(blocks)
+    near: Array = np.flatnonzero(total - total[best] <= critical_score(blocks, CHANCE) * spread)
+    return int(min(near.tolist(), key=lambda c: (sizes[c], total[c])))
+
+
+def solve_columns(moment: Array, columns: Array, base: Array) -> Array:
+    """Least squares in some weights, the others held.
+
+    Parameters
+    ----------
+    moment : ndarray
+        Second moments, the target's last, (..., p + 1, p + 1).
+    columns : ndarray
+        Which weights are free.
+    base : ndarray
+        All weights before; those not in `columns` keep these values, (p,).
+
+    Returns
+    -------
+    ndarray
+        Weights (..., p).
+    """
+    weights = np.broadcast_to(base, (*moment.shape[:-2], len(base))).copy()
+    if not len(columns):
+        return weights
+    held = base.copy()
+    held[columns] = 0.0
+    matrix = moment[..., columns[:, None], columns]
+    target = moment[..., columns, -1] - moment[..., columns, :-1] @ held
+    scale = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    # what the log does not tell apart is shared out evenly, and what it does not show stays zero
+    scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(len(columns))
+    weights[..., columns] = np.linalg.solve(scaled, (target / scale)[..., None])[..., 0] / scale
+    return weights
 
 
 def _fit_rows(
-    search: Search, speed: AnyResponse, turn: AnyResponse, chosen: tuple[Direction, ...]
+    every: Moments, chooser: _Chooser, chosen: tuple[Direction, ...]
 ) -> tuple[Rows, float]:
     """Fit the chosen terms to all windows.
 
     Beside them how well the windows tell those of the position apart.
     """
     along, across, heading = (direction.terms for direction in chosen)
-    every, position = search.moments(speed, turn), search.row(ACROSS, along)
+    position = chooser.row(ACROSS, along)
     columns, condition = position.columns(across), 1.0
     if len(columns):
         matrix = position.fitted(every).sum(axis=0)[np.ix_(columns, columns)]
         scale = np.sqrt(np.diag(matrix))
         condition = float(np.sqrt(np.linalg.cond(matrix / np.outer(scale, scale))))
     ahead, aside = np.split(position.solve(every, across), 2)
-    return Rows(ahead, aside, search.row(HEADING).solve(every, heading)), condition
+    return Rows(ahead, aside, chooser.row(HEADING).solve(every, heading)), condition
 
 
 def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:
@@ -245,9 +432,10 @@ def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
         "features": len(used),
         "condition": selection.condition,
         "response": {
-            "speed": selection.speed.described(),
-            "turn": selection.turn.described(),
+            "speed": list(selection.speed),
+            "turn": list(selection.turn),
             "longest": selection.longest,
+            "doubts": list(selection.doubts),
         },
         "selection": {
             "directions": directions,

@@ -6,8 +6,8 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.lag import aligned, mean_delay
 from kmpc_lite.learn.logs import Log
-from kmpc_lite.learn.stopping import aligned, unmodelled_delay
 
 NEVER_MOVES = (
     "the poses never move though the commands do, so the log does not excite the model: expected "
@@ -73,7 +73,7 @@ def refuse_car_like(dataset: Dataset) -> None:
     DataError
         With what the log shows.
     """
-    delay = unmodelled_delay(dataset)
+    delay = mean_delay(dataset)
     answered = aligned(dataset, delay) if delay else dataset
     length = max(1, round(SPOT / dataset.dt))
     states, _, inputs = answered.every_piece(length, stride=length)

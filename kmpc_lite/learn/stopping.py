@@ -1,8 +1,4 @@
-"""How late a robot answers its commands, and how it comes to a stop.
-
-A model without input history moves with the command of the present period. If the log shows that
-the robot answers later, the delay is kept beside the model, and the controller brings poses forward
-by it: a pose that shows old commands is an old pose to a robot that obeys at once.
+"""How a robot comes to a stop.
 
 Of a stop, a command that falls by `deceleration` is followed `delay` later. If the robot drives on
 farther than that, by more than chance, the deceleration is what its way to a standstill shows
@@ -11,126 +7,17 @@ instead.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.lag import mean_delay
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
-
-LONGEST = 1.0
-"""Longest delay that is looked for [s] ..."""
-MOST_PERIODS = 12
-"""... and in periods."""
-PARTS = 4
-"""Delays that are tried in a period."""
-BLOCKS = 16
-"""Parts of the log that must agree."""
-SURE_DELAY = 3.0
-"""Standard errors by which a delay must explain more than none."""
-MOST_STEPS = 40_000
-"""Steps of the log that are looked at."""
-
-
-def unmodelled_delay(
-    dataset: Dataset, axes: Sequence[int] | None = None, sure: float = SURE_DELAY
-) -> float:
-    """Mean delay of speed and turn rate behind their commands [s]; zero if none is sure.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Evenly sampled episodes.
-    axes : sequence of int, optional
-        Which numbers of a command are looked at; all if not given.
-    sure : float
-        Standard errors by which a delay must explain more than none.
-
-    Examples
-    --------
-    >>> from kmpc_lab import DifferentialDrive, generate_dataset
-    >>> unmodelled_delay(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0))
-    0.0
-    """
-    # a delay costs each episode its first rows
-    spare = int(np.median([len(episode) for episode in dataset.episodes])) // 4
-    lags = min(MOST_PERIODS, round(LONGEST / dataset.dt), spare)
-    if lags < 1:
-        return 0.0
-    asked, moved = _rows(dataset, lags, 1, MOST_STEPS)
-    if len(moved) < 4 * BLOCKS:
-        return 0.0
-    axes = list(range(dataset.commands) if axes is None else axes)
-    asked, moved = asked[..., axes], moved[:, axes]
-    tried = np.arange(PARTS * lags + 1) / PARTS
-    errors = np.stack([_errors(asked, moved, delay, BLOCKS) for delay in tried])
-    gain = errors[0] - errors[int(errors.sum(axis=1).argmin())]
-    spread = float(gain.std(ddof=1)) / len(gain) ** 0.5
-    if not gain.mean() > sure * spread:
-        return 0.0
-    # slowly changing motion shows the mean of an answer that is drawn out
-    asked, moved = _rows(dataset, lags, lags, MOST_STEPS)
-    asked, moved = asked[..., axes], moved[:, axes]
-    left = [float(_errors(asked, moved, delay, 1)[0]) for delay in tried]
-    return dataset.dt * float(tried[int(np.argmin(left))])
-
-
-def aligned(dataset: Dataset, delay: float) -> Dataset:
-    """Give the same driving with each command where it acts, a delay [s] later."""
-    whole, part = divmod(delay / dataset.dt, 1.0)
-    first = int(whole) + 1
-    episodes = []
-    for episode in dataset.episodes:
-        if len(episode) > first:
-            rows = np.arange(first, len(episode))
-            newer, older = episode.inputs[rows - first + 1], episode.inputs[rows - first]
-            late = newer + part * (older - newer)
-            episodes.append(replace(episode, states=episode.states[first:], inputs=late))
-    return Dataset(episodes)
-
-
-def _rows(dataset: Dataset, lags: int, length: int, most: int) -> tuple[Array, Array]:
-    """Commands (n, lags + 1, m), the newest first, and speeds that came of them (n, m).
-
-    Each row is the mean of `length` periods, of at most about `most` rows.
-    """
-    asked, moved, count = [], [], 0
-    for episode in dataset.episodes:
-        if len(episode) < lags + length:
-            continue
-        rows = np.arange(lags, len(episode))
-        late = episode.inputs[rows[:, None] - np.arange(lags + 1)]
-        asked.append(_moving_mean(late, length))
-        moved.append(_moving_mean(episode.moved[rows] / episode.dt, length))
-        count += len(moved[-1])
-        if count >= most:
-            break
-    if not asked:
-        return np.empty((0, lags + 1, dataset.commands)), np.empty((0, dataset.commands))
-    return np.concatenate(asked), np.concatenate(moved)
-
-
-def _moving_mean(rows: Array, length: int) -> Array:
-    """Means of so many rows in a row, (n - length + 1, ...)."""
-    sums = np.cumsum(np.concatenate([np.zeros_like(rows[:1]), rows]), axis=0)
-    means: Array = (sums[length:] - sums[:-length]) / length
-    return means
-
-
-def _errors(asked: Array, moved: Array, delay: float, blocks: int) -> Array:
-    """Share (blocks,) of the motion that the best gains leave, for commands after a delay."""
-    whole = min(int(delay), asked.shape[1] - 2)
-    late = asked[:, whole] + (delay - whole) * (asked[:, whole + 1] - asked[:, whole])
-    gains = np.sum(late * moved, axis=0) / np.maximum(np.sum(late**2, axis=0), 1e-12)
-    size = np.maximum(np.mean(moved**2, axis=0), 1e-12)
-    left = np.sum((moved - gains * late) ** 2 / size, axis=1)
-    return np.array([part.mean() for part in np.array_split(left, blocks)])
-
 
 STANDING = 0.1
 """Share of the largest speed below which a robot counts as commanded to stand, and of the largest
@@ -273,4 +160,4 @@ def _delay(model: KoopmanModel, log: Dataset) -> float:
     """
     response = model.info.get("response")
     known = float(sum(response["speed"])) if isinstance(response, dict) else 0.0
-    return known or unmodelled_delay(log, (0,), sure=0.0)
+    return known or mean_delay(log, (0,), sure=False)

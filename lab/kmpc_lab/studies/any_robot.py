@@ -269,8 +269,7 @@ def learn(robot: Robot, seed: int) -> KoopmanModel:
     if not robot.learned:
         return nominal_unicycle(robot.dt)
     log = record(robot, seed)
-    ramps = find_ramps(log)
-    seen = let_through(log, ramps)
+    seen = let_through(log, ramps := find_ramps(log))
     train, held = seen.windows(10.0).split(0.5, seed=0)
     model = with_quantiles(fit(train, lags="auto", ramps=False, whole=seen), held)
     return with_ramps(model, log, ramps)

@@ -46,7 +46,7 @@ def test_the_verdict_says_which_direction_stays_nominal_and_why(tmp_path: Path) 
     path = case("logs/circles_1.csv")
     learned = learn(load_logs([path], None, None, None, lambda line: None), [path])
     words = verdict(learned.report, learned.facts, learned.made["driven"])
-    assert "stays nominal in heading (a gain of 19.9 fits, which no robot has" in words
+    assert "It stays nominal" in words and "worse on held-out rows as fitted" in words
     assert learned.model.info["selection"]["directions"]["heading"]["step"] == "nominal"
 
 

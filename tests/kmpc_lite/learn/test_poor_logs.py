@@ -34,13 +34,6 @@ def rover(name: str) -> kl.Dataset:
     return kl.Dataset.load(ROVER / f"{name}.csv", dt=0.1)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_twenty_seconds_show_how_late_a_robot_answers(seed: int) -> None:
-    found = select(late_log(20, seed))
-    # half a period of the held commands is delay, too, and is in the model already
-    assert found.speed.delay == pytest.approx(0.2, abs=0.06)
-
-
 @real
 @pytest.mark.parametrize(("begin", "end"), [(0, 200), (300, 600), (450, 900), (0, 914)])
 @pytest.mark.parametrize("name", ["quiet", "busy"])

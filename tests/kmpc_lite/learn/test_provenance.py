@@ -38,12 +38,6 @@ def test_a_log_says_whose_it_is_and_is_read_as_before(tmp_path: Path) -> None:
     np.testing.assert_array_equal(one.episodes[0].states, other.episodes[0].states)
 
 
-def test_the_users_word_goes_before_the_logs(tmp_path: Path) -> None:
-    told = write(tmp_path / "b.csv", remark(**ROVER))
-    assert read_vehicle([told], "mine") == {**ROVER, "name": "mine"}
-    assert read_vehicle([write(tmp_path / "a.csv")], "mine") == {"name": "mine"}
-
-
 def test_logs_of_two_vehicles_are_refused(tmp_path: Path) -> None:
     one = write(tmp_path / "a.csv", remark(**ROVER))
     other = write(tmp_path / "b.csv", remark(**ROVER | {"track": 0.3}))

@@ -70,10 +70,3 @@ def test_a_robot_that_brakes_less_than_commanded_has_its_own_deceleration(
 def test_too_few_stops_say_nothing_of_braking(model: kl.KoopmanModel) -> None:
     found = measure_stopping(model, log(stops=1))
     assert found == Stopping(found.delay, 1, None) and found.distance(1.0) is None
-
-
-@pytest.mark.parametrize(("lag", "dead_time"), [(0.0, 0.0), (0.0, 0.3), (0.3, 0.1)])
-def test_the_delay_of_any_model_is_that_of_the_motion(lag: float, dead_time: float) -> None:
-    data = log(lag=lag, dead_time=dead_time, noise=0.005)
-    found = measure_stopping(kl.nominal_unicycle(DT), data)
-    assert found.delay == pytest.approx(lag + dead_time, abs=0.11)

@@ -1,4 +1,4 @@
-"""The first line of `kmpc fit`: whether the model is worth driving with, and what is missing."""
+"""The first line of `kmpc fit`: whether the model is worth driving with."""
 
 import pytest
 
@@ -22,18 +22,8 @@ def report(*ratios: float) -> FitReport:
         ((1.0, 1.0, 1.0), "As nominal: the log supports no better prediction;"),
         ((0.5, 1.0, 1.0), "Poor: predicts 2 times worse along than nominal;"),
         ((0.5, 1.0, 3.0), "Mixed: predicts 3 times better than nominal in heading but 2 times"),
-        ((1e5, 1.0, 1.0), "Good: predicts over 1000 times better than nominal along;"),
     ],
 )
 def test_the_verdict_compares_with_the_nominal_robot(ratios: tuple[float, ...], told: str) -> None:
     line = verdict(report(*ratios), {}, DRIVEN)
     assert line.startswith(told) and line.endswith("drive up to 1.1 m/s.")
-
-
-def test_a_log_at_one_steady_speed_is_not_called_good() -> None:
-    line = verdict(report(5.0, 1.0, 1.0), {"missing": ["slow", "left", "right"]}, DRIVEN)
-    assert line.startswith(
-        "Narrow: predicts 5 times better than nominal along, but only at the one"
-    )
-    turning = verdict(report(5.0, 1.0, 1.0), {"missing": ["slow"]}, DRIVEN)
-    assert turning.startswith("Good: ")
