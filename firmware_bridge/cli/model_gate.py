@@ -172,7 +172,7 @@ def describe_model(robot: Robot) -> list[tuple[bool, str]]:
         return [(True, f"no model: the nominal unicycle; {_limits(limits)}, {_braking(robot)}")]
     import kmpc_lite as kl
     from firmware_bridge.cli.course import load_model
-    from kmpc_lite.learn.provenance import format_changes
+    from kmpc_lite.learn.verdict import format_changes
 
     try:
         within, model, notes = load_model(robot)

@@ -64,26 +64,20 @@ def run(options: argparse.Namespace) -> int:
 
 def _problem(options: argparse.Namespace, model: KoopmanModel) -> NavigationProblem:
     """The problem that a command line asks for, without an area."""
-    from kmpc_lite.control.footprint import Footprint
+    from kmpc_lite.cli.self_drive import problem_of
     from kmpc_lite.control.problem import NavigationProblem
-    from kmpc_lite.control.wheels import Differential
-    from kmpc_lite.scenario.files import learned_wheels
 
-    base = NavigationProblem(dt=model.dt)
-    info, driven = model.info, model.info.get("driven", {})
-    # a robot drives no faster than its log shows, unless that is asked for
-    usual = base.u_max[:2] if not driven else (driven["forward"], driven["turn"])
-    v, omega = options.max_speed or usual[0], options.max_turn_rate or usual[1]
-    change = options.max_acceleration
-    return NavigationProblem(
-        dt=model.dt,
-        horizon=options.horizon or base.horizon,
-        robot_radius=options.radius or info.get("radius", base.robot_radius),
-        footprint=Footprint.of(info["footprint"]) if "footprint" in info else None,
-        u_min=(-v, -omega),
-        u_max=(v, omega),
-        du_max=base.du_max if change is None else (change, 4.0 * change),
-    ).with_wheels(learned_wheels(info) or Differential())
+    base, driven = NavigationProblem(), model.info.get("driven", {})
+    v = options.max_speed or driven.get("forward", base.u_max[0])
+    omega = options.max_turn_rate or driven.get("turn", base.u_max[1])
+    told = {"u_min": (-v, -omega), "u_max": (v, omega)}
+    if options.horizon:
+        told["horizon"] = options.horizon
+    if options.radius:
+        told["robot_radius"] = options.radius
+    if change := options.max_acceleration:
+        told["du_max"] = (change, 4.0 * change)
+    return problem_of(model, **told)
 
 
 COMMAND = Command(

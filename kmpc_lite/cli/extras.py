@@ -15,6 +15,7 @@ EXTRAS = {
     "jinja2": PLOT,
     "matplotlib": PLOT,
     "mujoco": "kmpc-lab[twin]",
+    "mcap": BRIDGE,
     "pymavlink": BRIDGE,
     "pyulog": LOGS,
     "rclpy": "kmpc-lite[ros2-test]",

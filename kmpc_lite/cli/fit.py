@@ -144,10 +144,15 @@ def run(options: argparse.Namespace) -> int:
 
 def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
     """What was learned, as values that JSON can hold."""
+    from kmpc_lite.cli.self_drive import warn_of_driving
+    from kmpc_lite.learn.verdict import describe_robot, verdict
+
     info = learned.model.info
     return {
         "model": str(output),
-        "verdict": tell_verdict(learned),
+        "verdict": verdict(learned.report, learned.facts, learned.made["driven"]),
+        "robot": describe_robot(learned.made, learned.facts),
+        "warnings": warn_of_driving(learned.model),
         "logs": told,
         "train": repr(learned.train),
         "held_out": learned.report.as_dict(),
@@ -158,19 +163,24 @@ def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
     }
 
 
-def tell_verdict(learned: Learned) -> str:
-    """One line on the model, for a user who reads no more than that."""
-    from kmpc_lite.learn.fit_summary import verdict
+def tell_verdict(learned: Learned) -> list[str]:
+    """The robot, and the verdict on its model, for a user who reads no more than that."""
+    from kmpc_lite.cli.self_drive import warn_of_driving
+    from kmpc_lite.learn.verdict import tell_robot, verdict
 
-    return verdict(learned.report, learned.facts, learned.made["driven"])
+    made = learned.made
+    return [
+        tell_robot(made, learned.facts),
+        verdict(learned.report, learned.facts, made["driven"]),
+        *(f"warn   {line}" for line in warn_of_driving(learned.model)),
+    ]
 
 
 def shortly(learned: Learned, told: list[str]) -> list[str]:
-    """Verdict and the three lines behind it; and what is to be mended in the logs."""
-    from kmpc_lite.learn.fit_summary import tell_errors, tell_response
+    """Verdict and the two lines behind it; and what is to be mended in the logs."""
+    from kmpc_lite.learn.verdict import tell_errors
 
-    lines = [tell_verdict(learned), tell_errors(learned.report)]
-    lines += [tell_response(learned.facts)] if learned.facts else []
+    lines = [*tell_verdict(learned), tell_errors(learned.report)]
     lines += [f"margins: {tell_margins(learned)}"]
     lines += [f"log    {line}" for line in told if any(word in line for word in TO_MEND)]
     return lines
@@ -178,13 +188,12 @@ def shortly(learned: Learned, told: list[str]) -> list[str]:
 
 def describe(learned: Learned, told: list[str]) -> list[str]:
     """What was learned and how, in lines for a terminal."""
-    from kmpc_lite.learn.fit_summary import format_summary
-    from kmpc_lite.learn.provenance import format_making
+    from kmpc_lite.learn.verdict import format_making, format_summary
 
     info = learned.model.info
     rank = f"rank {info['rank']} of {info['features']}"
     lines = [
-        tell_verdict(learned),
+        *tell_verdict(learned),
         *(f"log    {line}" for line in told),
         f"train  {learned.train}",
         f"held   {learned.held}",
@@ -194,12 +203,8 @@ def describe(learned: Learned, told: list[str]) -> list[str]:
         lines.append(format_summary(learned.facts))
     if learned.noise is not None:
         lines.append(str(learned.noise))
-    return [*lines, describe_errors(learned), format_making(info)]
-
-
-def describe_errors(learned: Learned) -> str:
-    """How well the model predicts what was held out, and what that costs in margins."""
-    return f"{learned.report}\nmargins: {tell_margins(learned)}"
+    errors = f"{learned.report}\nmargins: {tell_margins(learned)}"
+    return [*lines, errors, format_making(info)]
 
 
 def learning_options(options: argparse.Namespace) -> LearningOptions:

@@ -25,6 +25,8 @@ class Dataset:
     ----------
     episodes : sequence of Episode
         At least one.
+    geometry : mapping, optional
+        Wheelbase or track of the robot, where a log told them [m].
 
     Raises
     ------
@@ -39,7 +41,10 @@ class Dataset:
     2
     """
 
-    def __init__(self, episodes: Sequence[Episode]) -> None:
+    def __init__(
+        self, episodes: Sequence[Episode], geometry: Mapping[str, float] | None = None
+    ) -> None:
+        self.geometry = dict(geometry or {})
         self.episodes = () if isinstance(episodes, Episode) else tuple(episodes)
         if isinstance(episodes, Episode) or not all(isinstance(e, Episode) for e in self.episodes):
             raise DataError(

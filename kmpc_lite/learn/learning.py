@@ -14,14 +14,6 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
-from kmpc_lite.learn.fit_summary import (
-    BETTER,
-    DIRECTIONS,
-    WORSE,
-    describe_fit,
-    summarize_fit,
-    times,
-)
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
 from kmpc_lite.learn.provenance import describe_making
@@ -36,6 +28,14 @@ from kmpc_lite.learn.selection import (
     learned_axes,
 )
 from kmpc_lite.learn.still import refuse_car_like
+from kmpc_lite.learn.verdict import (
+    BETTER,
+    DIRECTIONS,
+    WORSE,
+    describe_fit,
+    summarize_fit,
+    times,
+)
 from kmpc_lite.model.dictionary import (
     Dictionary,
     HermiteTrigDictionary,

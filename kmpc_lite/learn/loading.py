@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks import LogVerdict, judge, refuse_late, tell_delay
 from kmpc_lite.learn.cutting import cut, even_stamps, model_period
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import check_time
+from kmpc_lite.learn.episode import Episode, check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.learn.poses import tell_poses
@@ -53,7 +53,7 @@ def load_logs(
     how = ReadOptions() if how is None else how
     dt = None if dt is None else check_time("dt", dt)
     gap = None if gap is None else check_time("gap", gap)
-    episodes = []
+    parts: list[tuple[list[Episode], Mapping[str, float]]] = []
     files = once(find_logs(paths))
     refuse_unused(files, how)
     for file in files:
@@ -61,10 +61,34 @@ def load_logs(
         dt = model_period(log) if dt is None else dt
         if verdict.delay is not None and not how.force:
             refuse_late(log.name, verdict.delay, dt)
-        episodes += cut(log, dt, gap)
+        parts.append((cut(log, dt, gap), log.geometry))
         if tell is not None:
             _account(log, verdict, dt, tell)
-    return Dataset(episodes)
+    return _of_one_robot(parts, tell)
+
+
+def _of_one_robot(
+    parts: Sequence[tuple[list[Episode], Mapping[str, float]]], tell: Callable[[str], None] | None
+) -> Dataset:
+    """Put drives of one robot together: a car has one wheelbase, the median of its logs'."""
+    every, (_, geometry) = [e for episodes, _ in parts for e in episodes], parts[0]
+    bases = np.array([told.get("wheelbase", np.nan) for _, told in parts])
+    if len(parts) == 1 or np.isnan(bases).any():
+        return Dataset(every, geometry)
+    order = np.argsort(bases)
+    steps = np.array([sum(map(len, episodes)) for episodes, _ in parts])[order]
+    one = float(bases[order][np.searchsorted(np.cumsum(steps), 0.5 * steps.sum())])
+    if np.ptp(bases) > 0.1 * abs(one) and tell is not None:
+        tell(
+            f"the logs tell wheelbases of {abs(bases).min():.2f} to {abs(bases).max():.2f} m: "
+            f"{abs(one):.2f} m is taken for all; --wheelbase M says which"
+        )
+    scaled = [
+        replace(e, inputs=e.inputs * (1.0, base / one))
+        for (episodes, _), base in zip(parts, bases, strict=True)
+        for e in episodes
+    ]
+    return Dataset(scaled, {"wheelbase": one})
 
 
 def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, LogVerdict]:

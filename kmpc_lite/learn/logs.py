@@ -182,6 +182,8 @@ class Log:
     """Units that the file's own header gave, by our names."""
     wheel_speeds: bool = False
     """Whether v and omega were made of the speeds of a left and a right wheel."""
+    geometry: Mapping[str, float] = field(default_factory=dict)
+    """Wheelbase or track, as far as they are known [m]."""
     shares: bool = False
     """Whether the commands are shares of full throttle and steering: their size tells nothing."""
 

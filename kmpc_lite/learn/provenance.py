@@ -20,7 +20,6 @@ from kmpc_lite.learn.formats.readers import find_logs
 from kmpc_lite.learn.stopping import measure_stopping
 from kmpc_lite.model.info import is_vehicle
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.reading import text_lines
 from kmpc_lite.types import INPUTS
 
@@ -61,6 +60,8 @@ def describe_making(
     if data.steered:
         made["steered"] = True
     made["wheels"] = describe_wheels(data)
+    if data.geometry:
+        made["geometry"] = data.geometry
     return {**made, "vehicle": dict(vehicle)} if vehicle else made
 
 
@@ -75,54 +76,6 @@ def describe_wheels(data: Dataset) -> dict[str, Any]:
     sharpest = float(np.max(np.abs(omega[rolls] / v[rolls]), initial=0.0))
     radius = {"turning_radius": round(1.0 / sharpest, 6)} if sharpest > 0.0 else {}
     return {"kind": "car", **radius}
-
-
-def format_making(info: Mapping[str, Any]) -> str:
-    """Lines for a terminal, of a model's `info`."""
-    driven, stopping = info["driven"], info["stopping"]
-    name = info.get("vehicle")
-    who = ", ".join(f"{k} {v}" for k, v in name.items()) if name else "not given (--vehicle NAME)"
-    wheels = info.get("wheels", {})
-    radius = wheels.get("turning_radius")
-    tight = "" if radius is None else f", turning radius {radius:.2f} m"
-    lines = [
-        f"robot  {who}",
-        f"wheels {wheels.get('kind', 'differential')}{tight}",
-        f"speeds {driven['forward']:.2g} m/s forward, {driven['reverse']:.2g} m/s back, "
-        f"{driven['turn']:.2g} rad/s: kmpc run goes no faster with this model",
-    ]
-    late = f"stops  {stopping['stops']} in the log; the motion comes {stopping['delay']:.2g} s late"
-    if stopping["deceleration"] is not None:
-        late += f", and slows down by {stopping['deceleration']:.2g} m/s^2"
-    return "\n".join([*lines, late, *format_changes(info)])
-
-
-def format_changes(info: Mapping[str, Any]) -> list[str]:
-    """Lines that tell which changes of commands the controller asks for, where they are limited."""
-    lines = []
-    if ramps := _limits(info, "ramps"):
-        lines.append(f"ramps  {ramps}: the controller commands no faster changes")
-    if changes := _limits(info, "changes"):
-        lines.append(f"asked  {changes}: fastest starts and stops in the log, not exceeded")
-    return lines
-
-
-def _limits(info: Mapping[str, Any], name: str) -> str:
-    """Limits of changes in words; empty if there are none."""
-    if name not in info:
-        return ""
-    told, ramps = [], Ramps.of(info, name)
-    speeds = ("speed", "speed sideways")[: len(ramps.slower) - 1]
-    last = ("curvature", "1/m/s") if info.get("steered") else ("turn rate", "rad/s^2")
-    units = [*((speed, "m/s^2") for speed in speeds), last]
-    for (what, unit), *limits in zip(units, *ramps, strict=True):
-        finite = [
-            f"{limit:.2g} {unit} {side}"
-            for limit, side in zip(limits, Ramps._fields, strict=True)
-            if np.isfinite(limit)
-        ]
-        told += [f"{what} {', '.join(finite)}"] if finite else []
-    return "; ".join(told)
 
 
 def driven_speeds(data: Dataset) -> dict[str, float]:

@@ -79,7 +79,7 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
     if len(rows) < 2:
         raise DataError(f"{log.name}: nothing obeyed the commands of this log")
     seen = time[rows], poses[rows], held[rows, 1]
-    curvatures, note = _curvatures(log, told, seen, wheelbase)
+    curvatures, note, geometry = _curvatures(log, told, seen, wheelbase)
     speeds = np.where(np.abs(told[:, 0]) < ROLLS, ROLLS, told[:, 0])
     values = np.column_stack([speeds, speeds * curvatures])
     notes = [*log.notes, note]
@@ -97,6 +97,7 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
         commands=commands,
         columns=("v", "omega"),
         steered=True,
+        geometry=geometry,
         notes=tuple(notes),
         where=lambda row: log.where(int(rows[row]) if row >= 0 else row),
     )
@@ -104,9 +105,9 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
 
 def _curvatures(
     log: Log, commands: Array, seen: tuple[Array, Array, Array], wheelbase: float | None
-) -> tuple[Array, str]:
-    """Curvatures (n,) of commands, and a line on the car; the log as far as it was obeyed."""
-    (time, poses, held), told = seen, commands[:, 1]
+) -> tuple[Array, str, dict[str, float]]:
+    """Curvatures (n,) of commands, a line on the car, and its wheelbase where that is known."""
+    (time, poses, held), told, geometry = seen, commands[:, 1], dict[str, float]()
     if log.columns[1] == CAR_OMEGA:
         found, how = held_curvatures(commands), ""
     elif log.columns[1] == "curvature":
@@ -117,14 +118,16 @@ def _curvatures(
         how = f"; straight at servo {middle:.4g}, curvature {gain:.3g} 1/m for each 1 of it"
     else:
         given = wheelbase or find_wheelbase(time, poses, held)
-        found = np.tan(told) / given
+        geometry, found = {"wheelbase": given}, np.tan(told) / given
         largest = float(np.abs(held).max())
         how = f"; wheelbase {abs(given):.2f} m, it steers by at most {largest:.2f} rad"
     sharpest = float(np.abs(found).max())
     radius = 1.0 / sharpest if sharpest > 0.0 else math.inf
-    return found, (
+    return (
+        found,
         f"steered wheels, a car{how}; turning radius {radius:.2f} m: wheels = "
-        f'{{kind = "car", turning_radius = {radius:.2f}}}'
+        f'{{kind = "car", turning_radius = {radius:.2f}}}',
+        geometry,
     )
 
 

@@ -25,6 +25,7 @@ from typing import Any
 
 import foreign_logs
 import numpy as np
+from mcap_bytes import CHUNK, RECORD
 from mutants import Mutator
 
 import kmpc_lab
@@ -39,7 +40,7 @@ from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.recording.simulated import SimulationRecorder
 from kmpc_lab.studies.records import RecordFile
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.learn.formats.mcap import MAGIC, RECORD, Op
+from kmpc_lite.learn.formats.mcap import MAGIC
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.reading import parse_toml
@@ -209,7 +210,7 @@ def without_checksums(content: bytes) -> bytes:
     out, place = bytearray(content), len(MAGIC)
     while place + RECORD.size < len(content):
         op, length = RECORD.unpack_from(content, place)
-        if op == Op.CHUNK:
+        if op == CHUNK:
             out[place + RECORD.size + 24 : place + RECORD.size + 28] = bytes(4)
         place += RECORD.size + length
     return bytes(out)

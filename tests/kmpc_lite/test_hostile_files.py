@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap_bytes import CHANNEL, CHUNK, MESSAGE, MESSAGES, METADATA, RECORD, record
 from readers import MAP, MEMORY, ROBOT, SCENARIO, bounded_memory
 
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.mcap_writer import McapWriter
 from firmware_bridge.recording.drive.schemas import TOPICS
 from kmpc_lite.cli import main as cli
-from kmpc_lite.learn.formats.mcap import MESSAGE, RECORD, Op, record
 
 HELPERS = Path(__file__).parents[1] / "helpers"
 Make = Callable[[Path], object]
@@ -102,7 +102,7 @@ def told(**changes: object) -> bytes:
 
 def message(topic: str, content: bytes) -> bytes:
     channel = 1 + [known.name for known in TOPICS].index(topic)
-    return record(Op.MESSAGE, MESSAGE.pack(channel, 1, 0, 0) + content)
+    return record(MESSAGES, MESSAGE.pack(channel, 1, 0, 0) + content)
 
 
 GRID = SCENARIO[SCENARIO.index("grid =") : SCENARIO.index("[robot]")].strip()
@@ -168,13 +168,13 @@ CORPUS: dict[str, dict[str, Make]] = {
     "report drive.mcap": {
         **ANY,
         "no end": endless,
-        "a chunk without an end": mcap(RECORD.pack(Op.CHUNK, 2**62)),
-        "texts without an end": mcap(record(Op.METADATA, b"\xff\xff\xff\x7f" + 1000 * b"a")),
+        "a chunk without an end": mcap(RECORD.pack(CHUNK, 2**62)),
+        "texts without an end": mcap(record(METADATA, b"\xff\xff\xff\x7f" + 1000 * b"a")),
         "a scenario of brackets": mcap(told(scenario="a = " + 100_000 * "[")),
         "a scenario of 20,000 circles": mcap(
             told(scenario=SCENARIO.replace("[0.6, 0.6, 0.15]", CIRCLES))
         ),
-        "nothing but channels": mcap(70_000 * record(Op.CHANNEL, bytes(12))),
+        "nothing but channels": mcap(70_000 * record(CHANNEL, bytes(12))),
         "brackets": mcap(told(about=json.loads(400 * "[" + 400 * "]"))),
     },
     "fit drive.mcap -o robot.npz": {

@@ -7,23 +7,11 @@ is read up to there; what a reader needs to jump in the file follows at its end.
 from __future__ import annotations
 
 import json
-import struct
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
-from zlib import crc32
 
-from kmpc_lite.learn.formats.mcap import (
-    CHUNK,
-    MAGIC,
-    MESSAGE,
-    PROFILE,
-    Op,
-    counts,
-    record,
-    table,
-    text,
-)
+from kmpc_lite.learn.formats.mcap import LARGEST, PROFILE
 
 
 class Topic(NamedTuple):
@@ -46,6 +34,29 @@ class Message(NamedTuple):
     """What JSON can hold."""
 
 
+class _Pieces:
+    """A file whose bytes are taken piece by piece."""
+
+    def __init__(self) -> None:
+        self._place, self._parts = 0, list[bytes]()
+
+    def write(self, data: bytes) -> int:
+        self._parts.append(bytes(data))
+        self._place += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._place
+
+    def flush(self) -> None:
+        """All is there already."""
+
+    def taken(self) -> bytes:
+        """What was written since this was asked before."""
+        parts, self._parts = self._parts, []
+        return b"".join(parts)
+
+
 class McapWriter:
     """Makes the bytes of a file; the caller writes them, in order and each piece whole.
 
@@ -56,116 +67,49 @@ class McapWriter:
     """
 
     def __init__(self, topics: Iterable[Topic]) -> None:
-        self._topics = list(topics)
-        self._channels = {topic.name: k for k, topic in enumerate(self._topics, start=1)}
-        self._kinds = {topic.schema: topic.description for topic in self._topics}
-        self._schema_ids = {name: k for k, name in enumerate(self._kinds, start=1)}
-        self._place = 0
-        self._chunks: list[bytes] = []
-        self._metadata: list[bytes] = []
-        self._counts: Counter[int] = Counter()
-        self._first: int | None = None
-        self._last = 0
+        from mcap.writer import CompressionType, Writer
+
+        self._topics, self._out = list(topics), _Pieces()
+        out: Any = self._out
+        self._writer = Writer(out, chunk_size=LARGEST, compression=CompressionType.NONE)
+        self._channels: dict[str, int] = {}
+        self._counts: Counter[str] = Counter()
 
     def begin(self, library: str) -> bytes:
         """Give the beginning of the file."""
-        header = record(Op.HEADER, text(PROFILE) + text(library))
-        return self._placed(MAGIC + header + self._descriptions())
+        self._writer.start(PROFILE, library)
+        kinds = {topic.schema: topic.description for topic in self._topics}
+        schemas = {
+            name: self._writer.register_schema(name, "jsonschema", _json(told))
+            for name, told in kinds.items()
+        }
+        for topic in self._topics:
+            number = self._writer.register_channel(topic.name, "json", schemas[topic.schema])
+            self._channels[topic.name] = number
+        return self._piece()
 
     def metadata(self, name: str, entries: Mapping[str, str]) -> bytes:
         """Give a piece with texts about the whole file."""
-        piece = record(Op.METADATA, text(name) + table(entries))
-        index = struct.pack("<QQ", self._place, len(piece)) + text(name)
-        self._metadata.append(record(Op.METADATA_INDEX, index))
-        return self._placed(piece)
+        self._writer.add_metadata(name, dict(entries))
+        return self._piece()
 
     def chunk(self, messages: Iterable[Message]) -> bytes:
         """Give a piece with messages; none if there are none."""
-        ordered = sorted(messages, key=lambda message: message.time)
-        if not ordered:
-            return b""
-        first, last = ordered[0].time, ordered[-1].time
-        records, places = bytearray(), dict[int, bytearray]()
-        for message in ordered:
-            channel = self._channels[message.topic]
-            places.setdefault(channel, bytearray()).extend(
-                struct.pack("<QQ", message.time, len(records))
-            )
-            self._counts[channel] += 1
-            head = MESSAGE.pack(channel, self._counts[channel], message.time, message.time)
-            records += record(Op.MESSAGE, head + _json(message.content))
-        head = CHUNK.pack(first, last, len(records), crc32(records)) + text("")
-        chunk = record(Op.CHUNK, head + struct.pack("<Q", len(records)) + records)
-        indexes, offsets = b"", {}
-        for channel, listed in places.items():
-            offsets[channel] = self._place + len(chunk) + len(indexes)
-            head = struct.pack("<HI", channel, len(listed))
-            indexes += record(Op.MESSAGE_INDEX, head + listed)
-        index = struct.pack("<QQQQ", first, last, self._place, len(chunk)) + counts(offsets)
-        sizes = text("") + struct.pack("<QQ", len(records), len(records))
-        index += struct.pack("<Q", len(indexes)) + sizes
-        self._chunks.append(record(Op.CHUNK_INDEX, index))
-        self._first = first if self._first is None else min(self._first, first)
-        self._last = max(self._last, last)
-        return self._placed(chunk + indexes)
+        listed = [(m, _json(m.content)) for m in sorted(messages, key=lambda m: m.time)]
+        for message, data in listed:
+            self._counts[message.topic] += 1
+            channel, count = self._channels[message.topic], self._counts[message.topic]
+            self._writer.add_message(channel, message.time, data, message.time, count)
+        return self._piece()
 
     def end(self) -> bytes:
         """Give the end of the file: what a reader needs to jump in it."""
-        data_end = record(Op.DATA_END, struct.pack("<I", 0))
-        start = self._place + len(data_end)
-        groups = (
-            (Op.SCHEMA, self._schemas()),
-            (Op.CHANNEL, self._listed_channels()),
-            (Op.STATISTICS, self._statistics()),
-            (Op.CHUNK_INDEX, b"".join(self._chunks)),
-            (Op.METADATA_INDEX, b"".join(self._metadata)),
-        )
-        summary, offsets = b"", b""
-        for op, group in groups:
-            if group:
-                place = struct.pack("<BQQ", op, start + len(summary), len(group))
-                offsets += record(Op.SUMMARY_OFFSET, place)
-                summary += group
-        footer = struct.pack("<QQ", start, start + len(summary))
-        head = struct.pack("<BQ", Op.FOOTER, len(footer) + 4)
-        checked = summary + offsets + head + footer
-        return self._placed(data_end + checked + struct.pack("<I", crc32(checked)) + MAGIC)
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        return self._out.taken()
 
-    def _placed(self, piece: bytes) -> bytes:
-        self._place += len(piece)
-        return piece
-
-    def _descriptions(self) -> bytes:
-        return self._schemas() + self._listed_channels()
-
-    def _schemas(self) -> bytes:
-        found = b""
-        for name, description in self._kinds.items():
-            data = _json(description)
-            head = struct.pack("<H", self._schema_ids[name]) + text(name) + text("jsonschema")
-            found += record(Op.SCHEMA, head + struct.pack("<I", len(data)) + data)
-        return found
-
-    def _listed_channels(self) -> bytes:
-        found = b""
-        for topic in self._topics:
-            ids = struct.pack("<HH", self._channels[topic.name], self._schema_ids[topic.schema])
-            found += record(Op.CHANNEL, ids + text(topic.name) + text("json") + table({}))
-        return found
-
-    def _statistics(self) -> bytes:
-        numbers = struct.pack(
-            "<QHIIIIQQ",
-            self._counts.total(),
-            len(self._kinds),
-            len(self._topics),
-            0,
-            len(self._metadata),
-            len(self._chunks),
-            self._first or 0,
-            self._last,
-        )
-        return record(Op.STATISTICS, numbers + counts(self._counts))
+    def _piece(self) -> bytes:
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        return self._out.taken()
 
 
 def _json(content: Any) -> bytes:

@@ -36,7 +36,7 @@ class Reader(NamedTuple):
 
 TABLE = Reader("tables:read_table", "a table")
 BAG = Reader("rosbag:read_bag", "a ROS bag", "rosbags")
-RECORDED = Reader("recorded:read_recorded", "a drive that kmpc recorded")
+RECORDED = Reader("recorded:read_recorded", "a drive that kmpc recorded", "mcap")
 READERS: dict[str, Reader] = {
     ".csv": TABLE,
     ".npz": TABLE,

@@ -11,12 +11,23 @@ from typing import Any
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import heading_of
-from kmpc_lite.learn.formats.ackermann import ACKERMANN_STAMPED, FIELDS, STEERED
 from kmpc_lite.learn.formats.columns import short
 from kmpc_lite.learn.formats.streams import Thinned, stamps_of
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 
+ACKERMANN = "ackermann_msgs/msg/AckermannDrive"
+ACKERMANN_STAMPED = "ackermann_msgs/msg/AckermannDriveStamped"
+STEERED = (ACKERMANN_STAMPED, ACKERMANN)
+"""Commands of cars."""
+FIELDS = {
+    ACKERMANN: "".join(
+        f"float32 {name}\n"
+        for name in ("steering_angle", "steering_angle_velocity", "speed", "acceleration", "jerk")
+    ),
+    ACKERMANN_STAMPED: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive",
+}
+"""Messages that no distribution has by itself."""
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"

@@ -81,7 +81,8 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     notes = (*found.notes, *notes, *more)
     log = Log(str(file), poses, held, True, notes=notes, where=where, columns=kinds)
     wheels = found.command == ("left", "right")
-    log = replace(log, header_units=units, wheel_speeds=wheels)
+    track = {"track": options.track} if wheels and options.track else {}
+    log = replace(log, header_units=units, wheel_speeds=wheels, geometry=track)
     return correct(log, ReadOptions(units=units))
 
 

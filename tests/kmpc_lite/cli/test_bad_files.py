@@ -111,7 +111,7 @@ def test_a_log_that_shows_little_keeps_nominal_turns_and_warns(
     change, _ = BAD_LOGS[name]
     (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
     assert cli.main(["fit", "run.csv", "-o", "robot.npz", "-v"]) == 0
-    first, *more = capsys.readouterr().out.splitlines()
+    _, first, *more = capsys.readouterr().out.splitlines()
     assert "Missing: " in first and any(line.startswith("warn ") for line in more)
     assert any("heading: as commanded" in line for line in more)
     if name == "constant speed":  # its poses do not move on the mean

@@ -30,10 +30,11 @@ def test_by_default_a_late_robot_is_known_as_one(
 ) -> None:
     model = tmp_path / "late.npz"
     assert cli.main(["fit", str(late), "-o", str(model)]) == 0
-    first, *more = capsys.readouterr().out.splitlines()
+    robot, first, *more = capsys.readouterr().out.splitlines()
+    assert robot.startswith("robot  differential; lag speed 0.10 s dead time + 0.25 s")
     assert first.startswith("Good: predicts ") and "times better than nominal" in first
     kinds = [line.split()[0] for line in more if not line.startswith("note")]
-    assert kinds == ["errors", "lag", "margins:", "wrote"]
+    assert kinds == ["errors", "margins:", "wrote"]
     assert kl.KoopmanModel.load(model).history > 4
     assert cli.main(["fit", str(late), "-o", str(model), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)

@@ -9,6 +9,7 @@ from public_cases import case
 import kmpc_lite as kl
 from kmpc_lite.learn.learning import learn
 from kmpc_lite.learn.loading import load_logs
+from kmpc_lite.learn.verdict import verdict
 
 
 def circles(speed: float, turn: float, seed: int) -> kl.Dataset:
@@ -31,8 +32,7 @@ def assert_never_worse(learned) -> None:
 
 @pytest.mark.parametrize("name", ["circles_1", "car_circles_1"])
 def test_a_log_of_circles_is_not_fitted_by_its_noise(name: str) -> None:
-    path = case(f"logs/{name}.csv")
-    assert_never_worse(learn(load_logs([path], None, None, None, lambda line: None), [path]))
+    assert_never_worse(learn(load_logs([path := case(f"logs/{name}.csv")]), [path]))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -41,10 +41,7 @@ def test_siblings_of_it_are_not_either(seed: int) -> None:
 
 
 def test_the_verdict_says_which_direction_stays_nominal_and_why(tmp_path: Path) -> None:
-    from kmpc_lite.learn.fit_summary import verdict
-
-    path = case("logs/circles_1.csv")
-    learned = learn(load_logs([path], None, None, None, lambda line: None), [path])
+    learned = learn(load_logs([path := case("logs/circles_1.csv")]), [path])
     words = verdict(learned.report, learned.facts, learned.made["driven"])
     assert "It stays nominal" in words and "worse on held-out rows as fitted" in words
     assert learned.model.info["selection"]["directions"]["heading"]["step"] == "nominal"

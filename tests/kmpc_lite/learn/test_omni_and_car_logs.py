@@ -6,7 +6,7 @@ from helpers import foreign_logs
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
-from kmpc_lite.learn.formats import ackermann
+from kmpc_lite.learn.formats import rosbag as ackermann
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.learn.steering import disobeyed, find_wheelbase

@@ -3,7 +3,7 @@
 import pytest
 
 from kmpc_lite.learn.evaluation import FitReport
-from kmpc_lite.learn.fit_summary import verdict
+from kmpc_lite.learn.verdict import verdict
 
 NOMINAL = (0.05, 0.02, 0.01)
 DRIVEN = {"forward": 1.1, "reverse": 0.4, "turn": 0.8}

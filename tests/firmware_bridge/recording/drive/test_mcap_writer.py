@@ -6,15 +6,10 @@ from io import BytesIO
 from zlib import crc32
 
 import pytest
+from mcap_bytes import CHUNK, FOOTER, MESSAGES, RECORD, record
 
 from firmware_bridge.recording.drive.mcap_writer import McapWriter, Message, Topic
-from kmpc_lite.learn.formats.mcap import (
-    MAGIC,
-    RECORD,
-    Op,
-    read_messages,
-    record,
-)
+from kmpc_lite.learn.formats.mcap import MAGIC, read_messages
 
 A = {"title": "test.A", "type": "object", "properties": {"n": {"type": "integer"}}}
 TOPICS = (Topic("/a", "test.A", A), Topic("/b", "test.A", A))
@@ -67,11 +62,9 @@ def test_a_file_that_was_cut_anywhere_is_read_up_to_its_last_whole_piece() -> No
     ("content", "words"),
     [
         (MAGIC, "not an MCAP file"),
-        (MAGIC + record(Op.FOOTER, b"") + MAGIC, "without a header"),
+        (MAGIC + record(FOOTER, b"") + MAGIC, "not an MCAP file"),
         (pieces()[0].replace(b"kmpc", b"ros2", 1), "the profile 'ros2'"),
-        (pieces()[0] + record(Op.MESSAGE, struct.pack("<HIQQ", 9, 1, 0, 0)), "was not announced"),
-        (pieces()[0] + record(Op.MESSAGE, b"1"), "too short"),
-        (pieces()[0] + pieces()[1][:20] + 2**7 * b"\xff" + pieces()[1][20:], "too soon"),
+        (pieces()[0] + record(MESSAGES, struct.pack("<HIQQ", 9, 1, 0, 0)), "not announced"),
     ],
 )
 def test_what_is_none_is_refused_in_one_line(content: bytes, words: str) -> None:
@@ -81,17 +74,17 @@ def test_what_is_none_is_refused_in_one_line(content: bytes, words: str) -> None
 
 def test_lengths_that_lie_take_no_memory() -> None:
     begin = pieces()[0]
-    huge = RECORD.pack(Op.CHUNK, 2**62)
+    huge = RECORD.pack(CHUNK, 2**62)
     assert list(read_messages(BytesIO(begin + huge))) == []
-    inner = RECORD.pack(Op.MESSAGE, 2**62)
+    inner = RECORD.pack(MESSAGES, 2**62)
     head = struct.pack("<QQQI", 0, 0, len(inner), crc32(inner)) + struct.pack("<IQ", 0, len(inner))
-    with pytest.raises(ValueError, match="too soon"):
-        list(read_messages(BytesIO(begin + record(Op.CHUNK, head + inner))))
+    with pytest.raises(ValueError, match="a chunk is damaged"):
+        list(read_messages(BytesIO(begin + record(CHUNK, head + inner))))
     packed = (
         struct.pack("<QQQI", 0, 0, 9, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", 0)
     )
     with pytest.raises(ValueError, match="packed with 'zstd'"):
-        list(read_messages(BytesIO(begin + record(Op.CHUNK, packed))))
+        list(read_messages(BytesIO(begin + record(CHUNK, packed))))
 
 
 def test_not_a_number_is_not_written() -> None:
