@@ -30,15 +30,15 @@ class PtyPort:
             os.set_blocking(self._master, False)
             make_raw(self._slave, None)  # at once, before the terminal echoes the first byte
             self._name = os.ttyname(self._slave)
-            if os.path.islink(path) and not os.path.exists(path):
-                os.unlink(path)  # left behind by an emulator that was killed
+            ours = os.path.realpath(path) == self._name  # who was killed had the same terminal
+            if os.path.islink(path) and (ours or not os.path.exists(path)):
+                os.unlink(path)
             os.symlink(self._name, path)
         except OSError as error:
             os.close(self._master)
             os.close(self._slave)
-            hint = (
-                ": another emulator or file is there" if isinstance(error, FileExistsError) else ""
-            )
+            there = isinstance(error, FileExistsError)
+            hint = ": another emulator or file is there; if it was killed, remove it" * there
             raise LinkError(f"pty:{path}: {error.strerror}{hint}") from error
 
     def fileno(self) -> int:

@@ -36,9 +36,9 @@ def test_run_and_check_refuse_a_robot_in_a_wall(desk, capsys):
         assert report["arrived_after_s"] is None and report["loop"]["stop_reason"]
         assert rover.pose == (0.0, 0.0, 0.0)
         options = [*command[:3], *PATIENT, *command[-3:]]
-        assert main(["check", *options, "--seconds", "0.5"]) == 1
+        assert main(["check", *options, "--seconds", "2"]) == 1
         found = json.loads(capsys.readouterr().out)["findings"]
         assert [f for f in found if f["text"].endswith(f"1.80 {WORDS}") and not f["ok"]]
         options += ["--set", "frame.origin=[-1.5, -1.0, 0.0]"]
-        main(["check", *options, "--seconds", "0.5"])
+        main(["check", *options, "--seconds", "2"])
         assert WORDS not in capsys.readouterr().out

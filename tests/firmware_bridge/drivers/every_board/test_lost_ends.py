@@ -107,7 +107,7 @@ def test_lost_replies_are_counted_and_overcome(rig):
     rig.emulator.lose_replies = 3
     assert until(lambda: rig.counters["timeouts"] >= 3 and rig.emulator.lose_replies == 0)
     frames = rig.counters["frames"]
-    assert until(lambda: rig.counters["frames"] > frames + 10) and rig.driver.health().ready
+    assert until(lambda: rig.counters["frames"] > frames + 10 and rig.driver.health().ready)
 
 
 def test_a_bug_in_the_driver_is_reported_and_the_motors_are_stopped(rig, monkeypatch):
