@@ -9,9 +9,10 @@ from typing import TextIO
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.observer import Change, Snapshot
 from firmware_bridge.runtime.timing import Histogram
+from firmware_bridge.safety.gate_table import GateState
 
-PERIOD = 0.2
-"""Between pictures [s]."""
+PERIOD, ENDED = 0.2, (GateState.RELEASED, GateState.YIELDED, GateState.ESTOP)
+"""Between pictures [s]; states of which the user is told what goes on."""
 BAR = 10
 """Half width of a speed's bar, in characters."""
 UP, CLEAR = "\x1b[{}F", "\x1b[2K"
@@ -99,6 +100,7 @@ class View:
 
 def _change(change: Change, began: float) -> str:
     why = f": {', '.join(change.why)}" if change.why else ""
+    why += f"; {change.after.value}" if why and change.after in ENDED else ""
     return f"{change.time - began:8.2f} s  {change.before.name} -> {change.after.name}{why}"
 
 
@@ -128,11 +130,8 @@ def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:
     lines.append(f"controller  {_times(planner.step_time)}{failed}")
     lines.append(f"latency     pose to wire {_times(loop.statistics.pose_to_wire)}")
     mode = f"{status.mode or '-'}, {'armed' if status.armed else 'not armed'}"
-    bad = sum(
-        count
-        for name, count in status.counters.items()
-        if name.startswith(("bad", "drop", "refused", "reconn"))
-    )
+    worse = ("bad", "drop", "refused", "reconn")
+    bad = sum(n for name, n in status.counters.items() if name.startswith(worse))
     lines.append(
         f"link        {'up' if status.connected else 'DOWN'}, "
         f"heard {_ms(shot.now - status.heartbeat_stamp)} ago, {mode}, {bad} bad or lost"

@@ -17,9 +17,9 @@ class GateState(Enum):
     ACTIVE = "commands pass, within limits"
     STOPPING = "a ramp to zero"
     HOLDING = "zeros"
-    RELEASED = "given back: the board is commanded to hold until it does; nothing else is sent"
-    YIELDED = "a pilot or another program has taken the robot: nothing is sent"
-    ESTOP = "latched emergency stop: zero at once, then released"
+    RELEASED = "given back: the board is told to hold; `kmpc estop --enable` drives on"
+    YIELDED = "a pilot or another program has the robot; `kmpc estop --enable` takes it again"
+    ESTOP = "latched emergency stop: zero, then released; `kmpc estop --reset`, then `--enable`"
 
 
 class Event(Enum):
