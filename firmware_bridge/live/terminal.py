@@ -100,7 +100,8 @@ class View:
 
 def _change(change: Change, began: float) -> str:
     why = f": {', '.join(change.why)}" if change.why else ""
-    why += f"; {change.after.value}" if why and change.after in ENDED else ""
+    told = change.after in ENDED and (why or change.after is GateState.ESTOP)
+    why += f": {change.after.value}" if told else ""
     return f"{change.time - began:8.2f} s  {change.before.name} -> {change.after.name}{why}"
 
 
