@@ -17,7 +17,7 @@ PLACES = {
     "pyproject.toml": r'^version = "(.+)"$',
     "kmpc_lite/__init__.py": r'^__version__ = "(.+)"$',
     "lab/pyproject.toml": r'^version = "(.+)"$',
-    "lab/pyproject.toml ": r'^dependencies = \["kmpc-lite==(.+)"\]$',
+    "lab/pyproject.toml ": r'^dependencies = \["kmpc-lite==([^"]+)"',
     "lab/kmpc_lab/__init__.py": r'^__version__ = "(.+)"$',
     "CITATION.cff": r"^version: (.+)$",
 }
