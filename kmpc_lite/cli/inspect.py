@@ -64,13 +64,13 @@ def check_picture(file: Path) -> None:
 
 def describe(found: Findings) -> str:
     """One log in a block of lines."""
-    lines = [f"log      {found.name}"]
-    width = max((len(t.name) for t in found.topics), default=0)
-    for topic in found.topics:
+    lines, topics = [f"log      {found.log.name}"], found.log.topics
+    width = max((len(t.name) for t in topics), default=0)
+    for topic in topics:
         rate = f"{topic.rate:9.3g} Hz" if topic.rate is not None else ""
         count = f"{topic.messages:>9} messages"
         lines.append(f"topic    {topic.name:<{width}}  {topic.kind}  {count}{rate}".rstrip())
-    lines += [f"{name:<8} {text}" for name, text in found.lines]
+    lines += [f"{name:<8} {text}" for name, text in found.lines.items()]
     lines += [f"note     {text}" for text in found.notes]
     lines += [paint(f"suspect  {text}", "red", sys.stdout) for text in found.suspects]
     lines += [f"doubt    {text}" for text in found.doubts]

@@ -15,8 +15,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.pieces import Pieces
+from kmpc_lite.learn.dataset import Dataset, Pieces
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.model.koopman import KoopmanModel

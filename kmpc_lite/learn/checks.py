@@ -9,6 +9,8 @@ large or fast a robot is.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from math import degrees, radians
 from typing import NamedTuple
@@ -16,23 +18,46 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.lag import LONGEST as LATEST
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.lag import LONGEST, aligned, mean_delay
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.learn.motion import DEGREES, GOOD, TIMES, Match, Motion, gather, match, moving_sum
-from kmpc_lite.learn.still import TURNED, find_still
 
 OFFSET, SURE = 25.0, 4.0
 """Angle between motion and heading above which it is reported [degrees]; standard errors that make
 it sure."""
 PERIODS = (1e-4, 5.0)
 """Time between two rows of any log [s]."""
-UNIT = 1.3
-"""A factor is that of a unit within such a factor; a robot's own gains are no unit."""
-USUAL = (0.25, 4.0)
-"""Factors that a robot may have: slip, gears, a turn that skids."""
+UNIT, USUAL, OF_SHARES = 1.3, (0.25, 4.0), (0.1, 10.0)
+"""A factor is that of a unit within such a factor; factors that a robot may have of its own: slip,
+gears, a turn that skids; and one whose commands are shares of what its motors can do."""
+AHEAD, LATE, TOO_LATE = 0.5, 2.5, 1.2
+"""So much before, and after, its command a motion is of another clock [s]; one that comes later
+than so many times what a model can know is refused."""
+TURNED = 1.0
+"""Headings that a robot has taken whose x and y must both have changed [rad]."""
+SPEEDS = {"mm/s": 1e-3, "cm/s": 1e-2}
+LENGTHS_OF = {
+    1e3: ("--units x=mm y=mm", "the path is a thousand times as long as v says: x and y are in mm"),
+    1e2: ("--units x=cm y=cm", "the path is a hundred times as long as v says: x and y are in cm"),
+    1e-2: ("--units v=cm/s", "the path is a hundredth of what v says: v is in cm/s"),
+    1e-3: ("--units v=mm/s", "the path is a thousandth of what v says: v is in mm/s"),
+}
+TURNS_OF = {
+    DEGREES: ("--units omega=deg/s", "about pi / 180: omega is in degrees a second"),
+    np.pi / 30.0: ("--units omega=rpm", "about pi / 30: omega is in rpm"),
+    1.0 / DEGREES: ("--units theta=deg", "about 180 / pi: theta is in degrees"),
+    1e3: ("--units theta=mrad", "about 1000: theta is in mrad"),
+}
+"""Options and reasons by factors of the speed, and of turns."""
 
 
-class Case(NamedTuple):
+def _is_unit(factor: float, unit: float) -> bool:
+    return unit / UNIT < factor < unit * UNIT
+
+
+@dataclass(frozen=True)
+class Case:
     """A log, its motion, and the reading of theta that fits."""
 
     log: Log
@@ -46,6 +71,26 @@ class Case(NamedTuple):
     degrees: bool
     """Whether theta fits as degrees."""
 
+    @classmethod
+    def of(cls, log: Log, motion: Motion) -> Case:
+        """Choose the reading of theta that fits: the given one, unless another is far better."""
+        moves, turns = {}, {}
+        for sign, as_degrees in product((1, -1), (False, True)):
+            steps, turned = motion.turned(sign, as_degrees)
+            moves[sign, as_degrees] = match(motion, steps, motion.asked[:, 0])
+            turns[sign, as_degrees] = match(motion, turned, motion.asked[:, 1].real)
+        best = max(moves, key=lambda key: moves[key].share)
+        sign, as_degrees = best if moves[1, False].loses_to(moves[best].share) else (1, False)
+        if as_degrees and not moves[sign, False].loses_to(moves[best].share):
+            as_degrees = False
+        plain, other = turns[1, False], turns[1, True]
+        if other.sure and plain.loses_to(other.share):
+            as_degrees = True
+        if not moves[best].sure and plain.sure and _is_unit(abs(plain.factor), 1.0 / DEGREES):
+            as_degrees = True
+        key = (sign, as_degrees)
+        return cls(log, motion, moves[key], turns[key], sign, as_degrees)
+
     @property
     def period(self) -> float:
         """Between two rows, in the unit of t."""
@@ -56,234 +101,99 @@ class Case(NamedTuple):
         """Whether theta turns as commanded, so that x and y are what is mirrored."""
         return self.turns.sure and self.turns.factor.real * self.sign > 0.0
 
+    def is_usual(self, match: Match) -> bool:
+        """Whether a robot may have the factor by which its motion follows what was asked."""
+        low, high = OF_SHARES if self.log.shares else USUAL
+        return low < abs(match.factor) < high
 
-def make_case(log: Log, motion: Motion) -> Case:
-    """Choose the reading of theta that fits: the given one, unless another is far better."""
-    moves, turns = {}, {}
-    for sign, as_degrees in product((1, -1), (False, True)):
-        steps, turned = motion.turned(sign, as_degrees)
-        moves[sign, as_degrees] = match(motion, steps, motion.asked[:, 0])
-        turns[sign, as_degrees] = match(motion, turned, motion.asked[:, 1].real)
-    best = max(moves, key=lambda key: moves[key].share)
-    sign, as_degrees = best if moves[1, False].loses_to(moves[best].share) else (1, False)
-    if as_degrees and not moves[sign, False].loses_to(moves[best].share):
-        as_degrees = False
-    if turns[1, False].loses_to(turns[1, True].share) and turns[1, True].sure:
-        as_degrees = True
-    plain = turns[1, False]
-    if not moves[best].sure and plain.sure and _is_unit(abs(plain.factor), 1.0 / DEGREES):
-        as_degrees = True
-    key = (sign, as_degrees)
-    return Case(log, motion, moves[key], turns[key], sign, as_degrees)
+    @cached_property
+    def offset(self) -> tuple[float, float]:
+        """Direction of the motion off the heading, and how sure it is [rad].
+
+        Turning moves a sensor that does not stand on the turning centre; that is regressed too.
+        """
+        motion, best = self.motion, self.moves
+        late = max(0, round(best.lag))
+        steps = motion.turned(self.sign, self.degrees)[0][late:]
+        asked = np.where(motion.whole[:, None], motion.asked, 0.0)[: len(motion.asked) - late]
+        x = np.column_stack([moving_sum(column, best.length) for column in asked.T])
+        y = moving_sum(steps, best.length)
+        size = np.sqrt(np.maximum((np.abs(x) ** 2).sum(axis=0), 1e-300))
+        scaled = x / size
+        weights, _, rank, _ = np.linalg.lstsq(scaled, y, rcond=1e-3)
+        if rank < 2:
+            return float(np.angle(best.factor)), 0.0 if size[1] <= 1e-150 else np.pi
+        left = y - scaled @ weights
+        count = max(len(y) / max(best.length, motion.change), 2.0)
+        inverse = np.linalg.inv((scaled.conj().T @ scaled).real)
+        spread = np.sqrt(np.vdot(left, left).real * inverse[0, 0] / count)
+        return float(np.angle(weights[0])), float(spread / max(abs(weights[0]), 1e-300))
+
+    @property
+    def theta_unit(self) -> str:
+        """What --units theta= is to be."""
+        offset = degrees(self.offset[0]) if self.moves.sure else 0.0
+        turned = self.sign < 0 and not self.mirrored_path
+        unit = ("-" if turned else "") + ("deg" if self.degrees else "rad")
+        if abs(offset) < OFFSET or (not turned and self.sign < 0):
+            return unit
+        near = 90.0 * round(offset / 90.0)
+        angle = near if abs(offset - near) < 20.0 else offset
+        return unit + (f"{angle:+.0f}" if self.degrees else f"{radians(angle):+.4f}")
+
+    @property
+    def early(self) -> float:
+        """How long before its command the motion comes [s]; 0 if a delay explains it as well."""
+        both = [m for m in (self.moves, self.turns) if max(m.share, m.early) > max(GOOD, m.chance)]
+        best = max(both, key=lambda m: m.early - m.share, default=Match())
+        ahead = any(1.0 - m.share > TIMES * (1.0 - m.early) for m in both)
+        early = -best.early_lag * self.period
+        sure = ahead and all(m.early > 0.95 * m.share for m in both) and early > 2.0 * self.period
+        return early if sure else 0.0
+
+    @property
+    def delay(self) -> float | None:
+        """How long after its command the motion comes [s]; None if the log does not show it.
+
+        A command that hardly changes explains the motion at any delay, so it tells none.
+        """
+        found = []
+        for k, best in enumerate((self.moves, self.turns)):
+            given = self.motion.asked[self.motion.whole, k]
+            if best.sure and given.std() > 0.05 * np.abs(given).max(initial=0.0):
+                found.append(best)
+        return max(0.0, max(found, key=lambda m: m.share).lag * self.period) if found else None
 
 
-def _is_unit(factor: float, unit: float) -> bool:
-    return unit / UNIT < factor < unit * UNIT
+def _time_unit(case: Case) -> str | None:
+    """Rows that follow each other as those of no log do."""
+    if PERIODS[0] < case.period < PERIODS[1]:
+        return None
+    told = f"rows are {case.period:.3g} s apart"
+    if case.period < PERIODS[0]:
+        return f"{told}: t is in a larger unit than was said; --units t=s"
+    for unit, size in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
+        if PERIODS[0] <= size * case.period < PERIODS[1]:
+            return f"{told}: t is in {unit}; --units t={unit}"
+    return f"{told}: t is hardly in s; --units t=..."
 
 
-def heading_offset(case: Case) -> tuple[float, float]:
-    """Direction of the motion off the heading, and how sure it is [rad].
-
-    Turning moves a sensor that does not stand on the turning centre; that is regressed too.
-    """
-    motion, best = case.motion, case.moves
-    late = max(0, round(best.lag))
-    steps = motion.turned(case.sign, case.degrees)[0][late:]
-    asked = np.where(motion.whole[:, None], motion.asked, 0.0)[: len(motion.asked) - late]
-    x = np.column_stack([moving_sum(column, best.length) for column in asked.T])
-    y = moving_sum(steps, best.length)
-    size = np.sqrt(np.maximum((np.abs(x) ** 2).sum(axis=0), 1e-300))
-    scaled = x / size
-    weights, _, rank, _ = np.linalg.lstsq(scaled, y, rcond=1e-3)
-    if rank < 2:
-        return float(np.angle(best.factor)), 0.0 if size[1] <= 1e-150 else np.pi
-    left = y - scaled @ weights
-    count = max(len(y) / max(best.length, motion.change), 2.0)
-    inverse = np.linalg.inv((scaled.conj().T @ scaled).real)
-    spread = np.sqrt(np.vdot(left, left).real * inverse[0, 0] / count)
-    return float(np.angle(weights[0])), float(spread / max(abs(weights[0]), 1e-300))
-
-
-def theta_unit(case: Case) -> str:
-    """What --units theta= is to be."""
-    offset = degrees(heading_offset(case)[0]) if case.moves.sure else 0.0
-    turned = case.sign < 0 and not case.mirrored_path
-    unit = ("-" if turned else "") + ("deg" if case.degrees else "rad")
-    if abs(offset) < OFFSET or (not turned and case.sign < 0):
-        return unit
-    near = 90.0 * round(offset / 90.0)
-    angle = near if abs(offset - near) < 20.0 else offset
-    return unit + (f"{angle:+.0f}" if case.degrees else f"{radians(angle):+.4f}")
-
-
-def theta_in_degrees(case: Case) -> str | None:
+def _theta_in_degrees(case: Case) -> str | None:
     """Headings that make sense as degrees only."""
     if not case.degrees:
         return None
     return (
         "theta is in degrees: the robot moves along it, and turns as commanded, only if read so; "
-        f"--units theta={theta_unit(case)}"
+        f"--units theta={case.theta_unit}"
     )
 
 
-def mirrored(case: Case) -> str | None:
-    """The path is that of the mirrored heading."""
-    if case.sign > 0:
-        return None
-    offset = degrees(heading_offset(case)[0])
-    if not case.mirrored_path:
-        compass = ": a compass's, clockwise from north" if 60.0 < offset < 120.0 else ""
-        return (
-            f"theta turns the other way than the path: it is clockwise{compass}; "
-            f"--units theta={theta_unit(case)}"
-        )
-    quarter = round(offset / 90.0) % 4
-    option = {0: "--units y=-m", 2: "--units x=-m"}.get(quarter, "--frame swapped")
-    what = {0: "y has the other sign", 2: "x has the other sign"}.get(
-        quarter, "x and y are exchanged"
-    )
-    return f"the path is seen in a mirror, though theta turns as commanded: {what}; {option}"
-
-
-def turns_the_other_way(case: Case) -> str | None:
-    """Positive omega lowers theta at whatever causal delay, and the path agrees with theta."""
-    turns = case.turns
-    if case.sign < 0 or not turns.sure or turns.factor.real > 0.0:
-        return None
-    if not turns._replace(share=turns.reverse).loses_to(turns.share):
-        return None
-    return (
-        "omega > 0 lowers theta: either the poses are x north, y east, theta clockwise "
-        "(--frame ned), or omega is clockwise (--units omega=-rad/s)"
-    )
-
-
-def rotated(case: Case) -> str | None:
-    """The motion goes aside of the heading by a fixed angle."""
-    if case.sign < 0 or not case.moves.sure or case.degrees:
-        return None
-    offset, error = heading_offset(case)
-    plain = np.angle(case.moves.factor)
-    if min(abs(degrees(offset)), abs(degrees(plain))) < OFFSET or abs(offset) < SURE * error:
-        return None
-    if abs(degrees(offset)) > 180.0 - OFFSET:
-        if not case.moves._replace(share=case.moves.reverse).loses_to(case.moves.share):
-            return None
-        return (
-            "v > 0 drives backwards, against theta: v has the other sign (--units v=-m/s), or "
-            "theta is off by half a turn (--units theta=rad+3.1416)"
-        )
-    return (
-        f"the robot drives {degrees(offset):+.0f} degrees off theta, always: theta is not the "
-        f"direction of its nose; --units theta={theta_unit(case)}"
-    )
-
-
-def time_unit(case: Case) -> str | None:
-    """Rows that follow each other as those of no log do."""
-    if PERIODS[0] < case.period < PERIODS[1]:
-        return None
-    told = f"rows are {case.period:.3g} s apart"
-    for unit, size in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)):
-        if case.period > PERIODS[1] and PERIODS[0] <= size * case.period < PERIODS[1]:
-            return f"{told}: t is in {unit}; --units t={unit}"
-    if case.period < PERIODS[0]:
-        return f"{told}: t is in a larger unit than was said; --units t=s"
-    return f"{told}: t is hardly in s; --units t=..."
-
-
-def _is_usual(match: Match) -> bool:
-    return USUAL[0] < abs(match.factor) < USUAL[1]
-
-
-def both_units(case: Case) -> str | None:
-    """The robot moves and turns by the same strange factor: of t, or of both commands."""
-    moves, turns = case.moves, case.turns
-    if not (moves.sure and turns.sure) or _is_usual(moves) or time_unit(case):
-        return None
-    by, other = abs(moves.factor), abs(turns.factor)
-    if not 0.5 < by / other < 2.0 or case.log.shares:
-        return None
-    if case.log.wheel_speeds:
-        named = next(
-            (f"{u}: --units left={u} right={u}" for u, s in SPEEDS.items() if _is_unit(by, s)),
-            "--units left=rpm right=rpm --wheel-radius M, or left=rad/s, or what it is",
-        )
-        return (
-            f"the wheels run {by:.3g} m for each unit of left and right in a second: they are not "
-            f"in m/s; {named}"
-        )
-    return (
-        f"the robot moves and turns by {by:.3g} of what v and omega say: t, or both of them, are "
-        "in another unit (--units t=... or v=... omega=...)"
-    )
-
-
-SPEEDS = {"mm/s": 1e-3, "cm/s": 1e-2}
-"""Units of speed that are a power of ten of m/s."""
-LENGTHS_OF = {
-    1e3: ("--units x=mm y=mm", "the path is a thousand times as long as v says: x and y are in mm"),
-    1e2: ("--units x=cm y=cm", "the path is a hundred times as long as v says: x and y are in cm"),
-    1e-2: ("--units v=cm/s", "the path is a hundredth of what v says: v is in cm/s"),
-    1e-3: ("--units v=mm/s", "the path is a thousandth of what v says: v is in mm/s"),
-}
-"""Options and reasons by factors of the speed."""
-TURNS_OF = {
-    DEGREES: ("--units omega=deg/s", "about pi / 180: omega is in degrees a second"),
-    np.pi / 30.0: ("--units omega=rpm", "about pi / 30: omega is in rpm"),
-    1.0 / DEGREES: ("--units theta=deg", "about 180 / pi: theta is in degrees"),
-    1e3: ("--units theta=mrad", "about 1000: theta is in mrad"),
-}
-"""The same of turns."""
-
-
-def length_unit(case: Case) -> str | None:
-    """Steps are another size than v gives, turns are not."""
-    if not case.moves.sure or _is_usual(case.moves) or time_unit(case) or both_units(case):
-        return None
-    by, headers = abs(case.moves.factor), case.log.header_units
-    if case.log.shares and 0.1 < by < 10.0:
-        return None
-    sides = [n for n in ("x", "y") if n in headers]
-    if sides and case.turns.sure and _is_usual(case.turns):
-        told = f"{', '.join(sides)} in {headers[sides[0]]}"
-        other = "" if case.log.wheel_speeds else ", or v is in another unit (--units v=...)"
-        return (
-            f"the path is {by:.3g} times as long as v says: the header has {told}, which they "
-            f"hardly are: --units x=m y=m{other}"
-        )
-    for unit, (option, reason) in LENGTHS_OF.items():
-        if _is_unit(by, unit) and not case.log.wheel_speeds:
-            return f"{reason} (factor {by:.3g}); {option}"
-    return (
-        f"the path is {by:.3g} times as long as v says: expected m and m/s (longitude and latitude "
-        "are neither); --units x=... y=... v=..."
-    )
-
-
-def turn_unit(case: Case) -> str | None:
-    """Turns are another size than omega gives, steps are not."""
-    turns = case.turns
-    if not turns.sure or turns.factor.real < 0.0 or time_unit(case) or both_units(case):
-        return None
-    by = abs(turns.factor)
-    if _is_usual(turns) or (case.log.shares and 0.1 < by < 10.0):
-        return None
-    told = f"turns come out at {by:.3g} of omega"
-    for unit, (option, reason) in TURNS_OF.items():
-        if _is_unit(by, unit) and not (case.degrees and unit > 1.0):
-            return f"{told}, {reason}; {option}"
-    if case.log.wheel_speeds:
-        return f"{told}, moves at {abs(case.moves.factor):.3g} of v: is --track right, in m?"
-    return f"{told}: expected rad/s (deg/s: 0.0175, rpm: 0.105); --units omega=... theta=..."
-
-
-def unrelated(case: Case) -> str | None:
+def _unrelated(case: Case) -> str | None:
     """Neither steps nor turns follow the commands."""
     seen = [m for m in (case.moves, case.turns) if m.chance < 1.0]
     # who always drives ahead is explained by that alone, whatever the commands were
     lost = case.turns.absent and np.ptp(np.unwrap(case.motion.theta)) > TURNED
-    if not (lost or (seen and all(m.absent for m in seen))) or clocks_differ(case):
+    if not (lost or (seen and all(m.absent for m in seen))) or _clocks_differ(case):
         return None
     shares = (f"{100.0 * max(m.share, 0.0):.0f} %" for m in (case.moves, case.turns))
     return (
@@ -294,81 +204,152 @@ def unrelated(case: Case) -> str | None:
     )
 
 
-def clocks_differ(case: Case) -> str | None:
-    """The motion comes before its command, at no delay behind it, or long after it."""
-    if time_unit(case) or both_units(case):
+def _mirrored(case: Case) -> str | None:
+    """The path is that of the mirrored heading."""
+    if case.sign > 0:
         return None
-    if (early := _early(case)) > AHEAD:
+    offset = degrees(case.offset[0])
+    if not case.mirrored_path:
+        compass = ": a compass's, clockwise from north" if 60.0 < offset < 120.0 else ""
         return (
-            f"the motion comes {early:.2f} s before its command: their clocks differ; "
-            f"--shift {-early:.2f}"
+            f"theta turns the other way than the path: it is clockwise{compass}; "
+            f"--units theta={case.theta_unit}"
         )
-    late = _delay(case)
-    if late is None or late < LATE:
+    what, option = {
+        0: ("y has the other sign", "--units y=-m"),
+        2: ("x has the other sign", "--units x=-m"),
+    }.get(round(offset / 90.0) % 4, ("x and y are exchanged", "--frame swapped"))
+    return f"the path is seen in a mirror, though theta turns as commanded: {what}; {option}"
+
+
+def _rotated(case: Case) -> str | None:
+    """The motion goes aside of the heading by a fixed angle."""
+    if case.sign < 0 or not case.moves.sure or case.degrees:
+        return None
+    offset, error = case.offset
+    plain = np.angle(case.moves.factor)
+    if min(abs(degrees(offset)), abs(degrees(plain))) < OFFSET or abs(offset) < SURE * error:
+        return None
+    if abs(degrees(offset)) <= 180.0 - OFFSET:
+        return (
+            f"the robot drives {degrees(offset):+.0f} degrees off theta, always: theta is not the "
+            f"direction of its nose; --units theta={case.theta_unit}"
+        )
+    if not case.moves._replace(share=case.moves.reverse).loses_to(case.moves.share):
         return None
     return (
-        f"the motion comes {late:.2f} s after its command: their clocks differ; --shift {late:.2f}"
+        "v > 0 drives backwards, against theta: v has the other sign (--units v=-m/s), or "
+        "theta is off by half a turn (--units theta=rad+3.1416)"
     )
 
 
-AHEAD, LATE = 0.5, 2.5
-"""So much before, and after, its command a motion is of another clock [s]."""
-
-
-def _early(case: Case) -> float:
-    """How long before its command the motion comes [s]; 0 if a delay explains it as well."""
-    both = [m for m in (case.moves, case.turns) if max(m.share, m.early) > max(GOOD, m.chance)]
-    best = max(both, key=lambda m: m.early - m.share, default=Match())
-    ahead = any(1.0 - m.share > TIMES * (1.0 - m.early) for m in both)
-    early = -best.early_lag * case.period
-    sure = ahead and all(m.early > 0.95 * m.share for m in both) and early > 2.0 * case.period
-    return early if sure else 0.0
-
-
-def _delay(case: Case) -> float | None:
-    """How long after its command the motion comes [s]; None if the log does not show it.
-
-    A command that hardly changes explains the motion at any delay, so it tells none.
-    """
-    found = []
-    for k, best in enumerate((case.moves, case.turns)):
-        given = case.motion.asked[case.motion.whole, k]
-        if best.sure and given.std() > 0.05 * np.abs(given).max(initial=0.0):
-            found.append(best)
-    if not found:
+def _turns_the_other_way(case: Case) -> str | None:
+    """Positive omega lowers theta at whatever causal delay, and the path agrees with theta."""
+    turns = case.turns
+    backwards = case.sign > 0 and turns.sure and turns.factor.real <= 0.0
+    if not backwards or not turns._replace(share=turns.reverse).loses_to(turns.share):
         return None
-    return max(0.0, max(found, key=lambda m: m.share).lag * case.period)
+    return (
+        "omega > 0 lowers theta: either the poses are x north, y east, theta clockwise "
+        "(--frame ned), or omega is clockwise (--units omega=-rad/s)"
+    )
 
 
-CHECKS: dict[str, Callable[[Case], str | None]] = {
-    "time": time_unit,
-    "degrees": theta_in_degrees,
-    "unrelated": unrelated,
-    "frame": mirrored,
-    "rotation": rotated,
-    "turn direction": turns_the_other_way,
-    "units": both_units,
-    "length": length_unit,
-    "turn rate": turn_unit,
-    "clocks": clocks_differ,
-}
-"""By name, in the order in which they are reported."""
+def _both_units(case: Case) -> str | None:
+    """The robot moves and turns by the same strange factor: of t, or of both commands."""
+    moves, turns, low_high = case.moves, case.turns, (0.5, 2.0)
+    if not (moves.sure and turns.sure) or case.is_usual(moves) or _time_unit(case):
+        return None
+    by, other = abs(moves.factor), abs(turns.factor)
+    if not low_high[0] < by / other < low_high[1] or case.log.shares:
+        return None
+    if not case.log.wheel_speeds:
+        return (
+            f"the robot moves and turns by {by:.3g} of what v and omega say: t, or both of them, "
+            "are in another unit (--units t=... or v=... omega=...)"
+        )
+    named = next(
+        (f"{u}: --units left={u} right={u}" for u, s in SPEEDS.items() if _is_unit(by, s)),
+        "--units left=rpm right=rpm --wheel-radius M, or left=rad/s, or what it is",
+    )
+    return (
+        f"the wheels run {by:.3g} m for each unit of left and right in a second: they are not "
+        f"in m/s; {named}"
+    )
 
 
-class Suspect(NamedTuple):
-    """Something in a log that is hardly meant."""
+def _length_unit(case: Case) -> str | None:
+    """Steps are another size than v gives, turns are not."""
+    if not case.moves.sure or case.is_usual(case.moves) or _time_unit(case) or _both_units(case):
+        return None
+    by, headers, wheels = abs(case.moves.factor), case.log.header_units, case.log.wheel_speeds
+    sides = [n for n in ("x", "y") if n in headers]
+    if sides and case.turns.sure and case.is_usual(case.turns):
+        told = f"{', '.join(sides)} in {headers[sides[0]]}"
+        other = "" if wheels else ", or v is in another unit (--units v=...)"
+        return (
+            f"the path is {by:.3g} times as long as v says: the header has {told}, which they "
+            f"hardly are: --units x=m y=m{other}"
+        )
+    for unit, (option, reason) in LENGTHS_OF.items():
+        if _is_unit(by, unit) and not wheels:
+            return f"{reason} (factor {by:.3g}); {option}"
+    return (
+        f"the path is {by:.3g} times as long as v says: expected m and m/s (longitude and latitude "
+        "are neither); --units x=... y=... v=..."
+    )
 
-    name: str
-    """Of the check."""
-    reason: str
-    """What is wrong and which option mends it, in a line."""
+
+def _turn_unit(case: Case) -> str | None:
+    """Turns are another size than omega gives, steps are not."""
+    turns = case.turns
+    if not turns.sure or turns.factor.real < 0.0 or case.is_usual(turns):
+        return None
+    if _time_unit(case) or _both_units(case):
+        return None
+    told = f"turns come out at {abs(turns.factor):.3g} of omega"
+    for unit, (option, reason) in TURNS_OF.items():
+        if _is_unit(abs(turns.factor), unit) and not (case.degrees and unit > 1.0):
+            return f"{told}, {reason}; {option}"
+    if case.log.wheel_speeds:
+        return f"{told}, moves at {abs(case.moves.factor):.3g} of v: is --track right, in m?"
+    return f"{told}: expected rad/s (deg/s: 0.0175, rpm: 0.105); --units omega=... theta=..."
+
+
+def _clocks_differ(case: Case) -> str | None:
+    """The motion comes before its command, at no delay behind it, or long after it."""
+    if _time_unit(case) or _both_units(case):
+        return None
+    if (early := case.early) > AHEAD:
+        told, shift = f"{early:.2f} s before", -early
+    elif (late := case.delay) is not None and late >= LATE:
+        told, shift = f"{late:.2f} s after", late
+    else:
+        return None
+    return f"the motion comes {told} its command: their clocks differ; --shift {shift:.2f}"
+
+
+CHECKS: tuple[Callable[[Case], str | None], ...] = (
+    _time_unit,
+    _theta_in_degrees,
+    _unrelated,
+    _mirrored,
+    _rotated,
+    _turns_the_other_way,
+    _both_units,
+    _length_unit,
+    _turn_unit,
+    _clocks_differ,
+)
+"""In the order in which they are reported."""
 
 
 class LogVerdict(NamedTuple):
     """Result of all checks of a log."""
 
-    suspects: tuple[Suspect, ...]
-    delay: float | None
+    suspects: tuple[str, ...]
+    """What is hardly meant and which option mends it, in a line each."""
+    delay: float | None = None
     """How long after its command the motion comes [s]; None if the log does not show it."""
     notes: tuple[str, ...] = ()
     """What is doubtful of its delay."""
@@ -384,9 +365,8 @@ class LogVerdict(NamedTuple):
         if self.suspects:
             count = len(self.suspects) - 1
             more = f" ({count} more: kmpc inspect)" if count else ""
-            raise DataError(
-                f"{log.name}: {self.suspects[0].reason}{more}; --force learns from it as it is"
-            )
+            told = f"{log.name}: {self.suspects[0]}{more}"
+            raise DataError(f"{told}; --force learns from it as it is")
 
 
 def judge(log: Log) -> LogVerdict:
@@ -397,31 +377,26 @@ def judge(log: Log) -> LogVerdict:
     log : Log
         As it was read, with what the user said of units and frames.
     """
-    if still := find_still(log):
-        return LogVerdict((Suspect("still", still),), None)
+    if still := _find_still(log):
+        return LogVerdict((still,))
     motion = gather(log)
     if motion is None:  # too short, or without overlap: cutting it into episodes says so
-        return LogVerdict((), None)
-    case = make_case(log, motion)
-    found = [(name, check(case)) for name, check in CHECKS.items()]
-    suspects = tuple(Suspect(name, reason) for name, reason in found if reason)
+        return LogVerdict(())
+    case = Case.of(log, motion)
+    if suspects := tuple(reason for check in CHECKS if (reason := check(case))):
+        return LogVerdict(suspects, case.delay)
     notes = [
         f"ambiguous: the commands are periodic: {what} that come {m.lag * case.period:.2f} s and "
         f"{m.rival * case.period:.2f} s after them look alike"
         for what, m in (("steps", case.moves), ("turns", case.turns))
-        if m.sure and m.rival is not None and not suspects
+        if m.sure and m.rival is not None
     ]
-    early = 0.0 if suspects else _early(case)
-    if early > 0.0:
+    if (early := case.early) > 0.0:
         notes = [
             f"the motion precedes its command by {early:.2f} s, which is impossible; its delay "
             f"counts as zero. If the clocks differ: --shift {-early:.2f}"
         ]
-    return LogVerdict(suspects, None if notes else _delay(case), tuple(notes[:1]))
-
-
-TOO_LATE = 1.2
-"""A motion that comes later than this many times what a model can know is refused."""
+    return LogVerdict((), None if notes else case.delay, tuple(notes[:1]))
 
 
 def tell_delay(delay: float, dt: float) -> str:
@@ -432,8 +407,7 @@ def tell_delay(delay: float, dt: float) -> str:
     >>> tell_delay(0.2, 0.1)
     'comes 0.20 s after its command'
     """
-    told = f"comes {delay:.2f} s after its command"
-    known = max(LATEST, dt)
+    told, known = f"comes {delay:.2f} s after its command", max(LONGEST, dt)
     if delay <= known:
         return told
     return (
@@ -452,8 +426,87 @@ def refuse_late(name: str, delay: float, dt: float) -> None:
     DataError
         With the options that mend it.
     """
-    if delay > TOO_LATE * max(LATEST, dt):
+    if delay > TOO_LATE * max(LONGEST, dt):
         raise DataError(
             f"{name}: motion {tell_delay(delay, dt)}; where the robot is that late, --force learns "
             "all the same: do not drive by it"
+        )
+
+
+NEVER_MOVES = (
+    "the poses never move though the commands do, so the log does not excite the model: expected "
+    "x, y, theta of the driving robot"
+)
+
+
+def _find_still(log: Log) -> str | None:
+    """Whether nothing moves or turns, or nothing is asked for."""
+    asked = np.abs(log.commands.values).max(axis=0)
+    if asked.max() == 0.0:
+        return f"all commands are 0 ({log.commands.source}): expected v and omega of a drive"
+    spans = np.ptp(log.poses.values, axis=0)
+    still, meant = spans <= 1e-9, "another column or topic was meant (--columns, --topics)"
+    if still.all():
+        return NEVER_MOVES
+    if still[:2].all() and asked[0] > 0.0:
+        return f"x and y never change though v is asked for and theta changes: {meant}"
+    if still[:2].any() and spans[2] > TURNED:
+        name = "xy"[int(still[1])]
+        return (
+            f"{name} never changes though the robot drives and turns: another column was meant "
+            f"for {name}, or the ground is another plane of a camera's frame (--columns)"
+        )
+    if still[2] and asked[1] > 0.0:
+        return f"theta never changes though omega is asked for and the robot moves: {meant}"
+    return None
+
+
+def refuse_frozen(dataset: Dataset) -> None:
+    """Refuse a log whose poses never move though commands are given.
+
+    Raises
+    ------
+    DataError
+        Says so.
+    """
+    moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
+    if moved <= 1e-9 < float(np.abs(dataset.inputs).max(initial=0.0)):
+        raise DataError(NEVER_MOVES)
+
+
+SLOW, TURNING, SPOT, FEWEST, FOLLOWS = 0.1, 0.3, 1.0, 3, 0.2
+"""Share of the largest speed below which a robot counts as standing; of the largest turn rate above
+which it is commanded to turn; length of a stretch that shows a turn on the spot [s]; stretches that
+are needed; share of its usual turn gain below which a robot does not turn on the spot."""
+
+
+def refuse_car_like(dataset: Dataset) -> None:
+    """Refuse a robot that is commanded to turn on the spot and does not, however late it answers.
+
+    Raises
+    ------
+    DataError
+        With what the log shows.
+    """
+    delay = mean_delay(dataset)
+    answered = aligned(dataset, delay) if delay else dataset
+    length = max(1, round(SPOT / dataset.dt))
+    states, _, inputs = answered.every_piece(length, stride=length)
+    asked, turned = inputs[..., -1].sum(axis=1) * dataset.dt, states[:, -1, 2] - states[:, 0, 2]
+    speeds = np.abs(inputs[..., 0]).max(axis=1)
+    v_max = speeds.max(initial=0.0)
+    turning = np.abs(asked) > TURNING * np.abs(asked).max(initial=0.0)
+    on_the_spot = turning & (speeds < SLOW * v_max)
+    driving = turning & (speeds > 3.0 * SLOW * v_max)
+    if min(on_the_spot.sum(), driving.sum()) < FEWEST:
+        return
+    spot, usual = (
+        float(asked[rows] @ turned[rows] / (asked[rows] @ asked[rows]))
+        for rows in (on_the_spot, driving)
+    )
+    if abs(usual) > 0.05 and abs(spot) < FOLLOWS * abs(usual):
+        raise DataError(
+            "this robot does not turn on the spot: commanded to, it turns by "
+            f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. It is a "
+            "car: its log needs the steering angle (column steering) instead of a turn rate"
         )

@@ -3,19 +3,188 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.episode import MAX_ROWS, Episode, check_time
-from kmpc_lite.learn.pieces import Pieces, Transitions, gathered, joined, pieces_of, steps_of
-from kmpc_lite.types import Array
+from kmpc_lite.files import SAME_DT, real_array
+from kmpc_lite.geometry import rotate
+from kmpc_lite.types import INPUTS, STATES, Array
 
+MAX_ROWS = 10_000_000
+"""Rows of the longest log that is taken in, or made by resampling."""
 CHUNK = 8192
 """Rows handled at once: what fits a small board's second-level cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One stretch of driving without a gap.
+
+    Parameters
+    ----------
+    states : ndarray
+        Poses (T + 1, 3): x [m], y [m], theta [rad]; the heading is unwrapped here.
+    inputs : ndarray
+        Commands (T, 2): v [m/s], omega [rad/s], or (T, 3) of an omni: v_x, v_y, omega; row k acts
+        from state k to state k + 1.
+    dt : float
+        Sampling period [s].
+    steered : bool
+        Whether its turn rates are those of steered wheels, a car's: speed times curvature.
+
+    Raises
+    ------
+    DataError
+        For other shapes, NaN, infinity, or fewer than two states.
+    """
+
+    states: Array
+    inputs: Array
+    dt: float
+    steered: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the arrays and unwrap the heading."""
+        states = real_array(self.states, "episode states", DataError)
+        inputs = real_array(self.inputs, "episode inputs", DataError)
+        if states.ndim != 2 or states.shape[1] != STATES or len(states) < 2:
+            raise DataError(
+                f"episode states: expected shape (T + 1, {STATES}) with T >= 1, got {states.shape}"
+            )
+        steps = len(states) - 1
+        if inputs.shape not in ((steps, INPUTS), (steps, INPUTS + 1)):
+            raise DataError(
+                f"episode inputs: expected shape ({steps}, {INPUTS}), one row per step, "
+                f"got {inputs.shape}; an omni has {INPUTS + 1} columns"
+            )
+        for name, array in (("states", states), ("inputs", inputs)):
+            if not np.isfinite(array).all():
+                row, column = np.argwhere(~np.isfinite(array))[0]
+                raise DataError(
+                    f"episode {name}: row {row}, column {column} is {array[row, column]}; "
+                    "expected finite numbers"
+                )
+        if np.any(np.abs(np.diff(states[:, 2])) > np.pi):
+            states = np.column_stack([states[:, :2], np.unwrap(states[:, 2])])
+        object.__setattr__(self, "states", states)
+        object.__setattr__(self, "inputs", inputs)
+        object.__setattr__(self, "dt", check_time("episode dt", self.dt))
+
+    def __len__(self) -> int:
+        """Count the steps, T."""
+        return len(self.inputs)
+
+    @property
+    def moved(self) -> Array:
+        """How far the robot went along its middle heading, and turned, in each period, (T, m).
+
+        Of an omni also how far it went to the left.
+        """
+        steps = np.diff(self.states, axis=0)
+        middle = self.states[:-1, 2] + 0.5 * steps[:, 2]
+        went = [*rotate(steps[:, 0], steps[:, 1], -middle), steps[:, 2]]
+        return np.column_stack(went if self.inputs.shape[1] > INPUTS else went[::2])
+
+    def resample(self, dt: float) -> Episode | None:
+        """Return the same drive at another period [s], or None if it is shorter than one period.
+
+        Poses are interpolated linearly; a command is the mean of what was held during the new
+        period. DataError where the robot turns by more than half a turn within it.
+        """
+        time = np.arange(len(self) + 1) * self.dt
+        return resample(time, self.states, self.inputs, dt, self.steered)
+
+
+def check_time(name: str, value: float) -> float:
+    """Give back a time [s] as a float, or raise DataError naming it."""
+    time = real_array(value, name, DataError)
+    if time.size != 1 or not (np.isfinite(time).all() and (time > 0.0).all()):
+        raise DataError(f"{name}: expected a time > 0 s, got {value}")
+    return float(time.item())
+
+
+def resample(
+    time: Array, states: Array, inputs: Array, dt: float, steered: bool = False
+) -> Episode | None:
+    """Put a drive on an even grid of times.
+
+    The states (T + 1, 3) are at times (T + 1,) [s], and the inputs (T, m) act between them.
+    """
+    dt = check_time("dt", dt)
+    elapsed = time - time[0]
+    if elapsed[-1] > MAX_ROWS * dt:
+        raise DataError(
+            f"dt: {dt:g} s would cut a drive of {elapsed[-1]:g} s into more than {MAX_ROWS:,} steps"
+        )
+    steps = int(np.floor(elapsed[-1] / dt + 1e-6))
+    if steps < 1:
+        return None
+    grid = np.arange(steps + 1) * dt
+    travelled = np.cumsum(inputs * np.diff(time)[:, None], axis=0)
+    travelled = np.vstack([np.zeros(inputs.shape[1]), travelled])
+    poses = np.column_stack([np.interp(grid, elapsed, column) for column in states.T])
+    held = np.column_stack([np.interp(grid, elapsed, column) for column in travelled.T])
+    turn = np.abs(np.diff(poses[:, 2])).max()
+    if turn > np.pi:  # an episode would take it for the shorter turn the other way
+        raise DataError(
+            f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: "
+            "choose a shorter period"
+        )
+    return Episode(poses, np.diff(held, axis=0) / dt, dt, steered)
+
+
+class Transitions(NamedTuple):
+    """Single steps, gathered over episodes."""
+
+    x: Array
+    """States before, (n, 3)."""
+    u: Array
+    """Commands, (n, m)."""
+    x_next: Array
+    """States after, (n, 3)."""
+    history: Array | None
+    """Commands before `u`, oldest first, (n, L, m); None for L = 0."""
+
+
+class Pieces(NamedTuple):
+    """Equally long pieces of driving, gathered over episodes."""
+
+    states: Array
+    """(n, steps + 1, 3)."""
+    before: Array
+    """Commands before each piece, oldest first, (n, history, m)."""
+    inputs: Array
+    """Commands of each piece, (n, steps, m)."""
+
+
+Parts = TypeVar("Parts", Transitions, Pieces)
+
+
+def _joined(batch: list[Parts]) -> Parts:
+    """Steps or pieces one after another."""
+    columns: Iterable[Any] = (
+        None if column[0] is None else np.concatenate(column) for column in zip(*batch, strict=True)
+    )
+    return type(batch[0])(*columns)
+
+
+def _gathered(parts: Iterable[Parts], chunk: int) -> Iterator[Parts]:
+    """Join parts to chunks of about `chunk` rows."""
+    batch: list[Parts] = []
+    rows = 0
+    for part in parts:
+        batch.append(part)
+        rows += len(part[0])
+        if rows >= chunk:
+            yield _joined(batch)
+            batch, rows = [], 0
+    if batch:
+        yield _joined(batch)
 
 
 class Dataset:
@@ -59,8 +228,7 @@ class Dataset:
                 f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): "
                 "resample them to one dt"
             )
-        kinds = {(e.inputs.shape[1], e.steered) for e in self.episodes}
-        if len(kinds) > 1:
+        if len({(e.inputs.shape[1], e.steered) for e in self.episodes}) > 1:
             raise DataError("episodes of different wheels: each kind is learned apart")
         self.dt = periods[0]
 
@@ -122,12 +290,9 @@ class Dataset:
             have driven, as `kmpc inspect` tells it: units, frames, clocks, other columns.
         """
         from kmpc_lite.learn.cutting import cut
-        from kmpc_lite.learn.formats.readers import find_logs, refuse_unused
-        from kmpc_lite.learn.loading import read_checked
+        from kmpc_lite.learn.loading import read_files
         from kmpc_lite.learn.logs import ReadOptions
 
-        dt = None if dt is None else check_time("dt", dt)
-        gap = None if gap is None else check_time("gap", gap)
         how = ReadOptions(
             columns=columns or {},
             topics=topics or {},
@@ -139,9 +304,8 @@ class Dataset:
             shift=shift,
             force=force,
         )
-        files = find_logs([path])
-        refuse_unused(files, how)
-        return cls([e for file in files for e in cut(read_checked(file, how, dt)[0], dt, gap)])
+        gap = None if gap is None else check_time("gap", gap)
+        return cls([e for log, _ in read_files([Path(path)], how, dt) for e in cut(log, dt, gap)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the episodes as a .csv or .npz log that `load` reads; whole or not at all."""
@@ -155,9 +319,9 @@ class Dataset:
 
     def __repr__(self) -> str:
         """Episodes, steps and minutes."""
+        minutes = self.steps * self.dt / 60
         return (
-            f"Dataset({len(self)} episodes, {self.steps} steps of {self.dt:g} s, "
-            f"{self.steps * self.dt / 60:.1f} min)"
+            f"Dataset({len(self)} episodes, {self.steps} steps of {self.dt:g} s, {minutes:.1f} min)"
         )
 
     @property
@@ -206,12 +370,13 @@ class Dataset:
         One long log can then be split.
         """
         length = max(1, int(min(check_time("windows", seconds) / self.dt + 1e-6, MAX_ROWS)))
-        pieces = [
-            Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt, e.steered)
-            for e in self.episodes
-            for k in range(0, len(e), length)
-        ]
-        return Dataset(pieces)
+        return Dataset(
+            [
+                replace(e, states=e.states[k : k + length + 1], inputs=e.inputs[k : k + length])
+                for e in self.episodes
+                for k in range(0, len(e), length)
+            ]
+        )
 
     def resample(self, dt: float) -> Dataset:
         """Return the same drives at another period [s]."""
@@ -230,35 +395,52 @@ class Dataset:
 
         Pieces without a full input history are left out.
         """
+
+        def of(e: Episode, starts: Array) -> Pieces:
+            rows, ages = starts[:, None], np.arange(-history, steps + 1)
+            inputs = e.inputs.take(rows + ages[:-1], axis=0)
+            states = e.states.take(rows + ages[history:], axis=0)
+            return Pieces(states, inputs[:, :history], inputs[:, history:])
+
         parts = (
-            pieces_of(e, np.arange(k, min(k + chunk * stride, last), stride), steps, history)
+            of(e, np.arange(k, min(k + chunk * stride, last), stride))
             for e in self.episodes
             for last in [len(e) - steps + 1]
             for k in range(history, last, chunk * stride)
         )
-        return gathered(parts, chunk)
+        return _gathered(parts, chunk)
 
     def every_piece(
         self, steps: int, history: int = 0, stride: int = 1, most: int = MAX_ROWS
     ) -> Pieces:
         """Give what `pieces` yields at once, thinned evenly to `most`; empty arrays for none."""
-        parts, seen = [pieces_of(self.episodes[0], np.arange(0), steps, history)], 0
+        shapes = (steps + 1, STATES), (history, self.commands), (steps, self.commands)
+        parts, seen = [Pieces(*(np.empty((0, *shape)) for shape in shapes))], 0
         room = (len(e) - history - steps + 1 for e in self.episodes)
         every = max(1, -(-sum(max(0, -(-r // stride)) for r in room) // most))
         for part in self.pieces(steps, history, stride):
             # copies, so that what is left out takes no memory
             parts.append(Pieces(*(values[-seen % every :: every].copy() for values in part)))
             seen += len(part.states)
-        return joined(parts)
+        return _joined(parts)
 
     def transitions(self, history: int = 0, chunk: int = CHUNK) -> Iterator[Transitions]:
         """Yield all steps in chunks of about `chunk` rows.
 
         Steps without a full input history are left out.
         """
+
+        def of(e: Episode, first: int, last: int) -> Transitions:
+            rows, past = slice(first, last), None  # slices, which cost nothing
+            if history:
+                before = np.arange(first, last)[:, None] + np.arange(-history, 0)
+                past = e.inputs.take(before, axis=0)
+            after = e.states[first + 1 : last + 1]
+            return Transitions(e.states[rows], e.inputs[rows], after, past)
+
         parts = (
-            steps_of(e, k, min(k + chunk, len(e)), history)
+            of(e, k, min(k + chunk, len(e)))
             for e in self.episodes
             for k in range(history, len(e), chunk)
         )
-        return gathered(parts, chunk)
+        return _gathered(parts, chunk)

@@ -12,8 +12,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.geometry import seen_along
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode, check_time
+from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_like

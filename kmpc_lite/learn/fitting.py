@@ -108,9 +108,9 @@ def fit(
                 "dictionary that knows no history itself"
             )
         # here, for a robot that drives needs none of it
+        from kmpc_lite.learn.checks import refuse_car_like, refuse_frozen
         from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
         from kmpc_lite.learn.selection import build_model, select
-        from kmpc_lite.learn.still import refuse_car_like, refuse_frozen
 
         if ramps:
             found = find_ramps(dataset)

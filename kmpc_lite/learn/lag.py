@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.model.dictionary.curvature import held_curvatures
 from kmpc_lite.types import Array
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.learn.checks import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fitting import fit
@@ -27,7 +28,6 @@ from kmpc_lite.learn.selection import (
     NOMINAL,
     learned_axes,
 )
-from kmpc_lite.learn.still import refuse_car_like
 from kmpc_lite.learn.verdict import (
     BETTER,
     DIRECTIONS,

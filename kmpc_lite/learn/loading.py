@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks import LogVerdict, judge, refuse_late, tell_delay
+from kmpc_lite.learn.checks import LogVerdict, judge, refuse_car_like, refuse_late, tell_delay
 from kmpc_lite.learn.cutting import cut, even_stamps, model_period
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode, check_time
+from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
-from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.learn.logs import Log, ReadOptions, Series
 from kmpc_lite.learn.poses import tell_poses
-from kmpc_lite.learn.still import refuse_car_like
 
 SAMPLES_PER_PERIOD = 20.0
 """Samples of a stream that are kept within one of the model's periods."""
@@ -50,45 +48,34 @@ def load_logs(
     DataError
         For whatever is wrong, or suspect; where a log is given twice.
     """
-    how = ReadOptions() if how is None else how
-    dt = None if dt is None else check_time("dt", dt)
+    how, tell = how or ReadOptions(), tell or (lambda line: None)
     gap = None if gap is None else check_time("gap", gap)
     parts: list[tuple[list[Episode], Mapping[str, float]]] = []
-    files = once(find_logs(paths))
-    refuse_unused(files, how)
-    for file in files:
-        log, verdict = read_checked(file, how, dt)
+    for log, verdict in read_files(paths, how, dt):
         dt = model_period(log) if dt is None else dt
         if verdict.delay is not None and not how.force:
             refuse_late(log.name, verdict.delay, dt)
         parts.append((cut(log, dt, gap), log.geometry))
-        if tell is not None:
-            _account(log, verdict, dt, tell)
+        late = () if verdict.delay is None else (f"motion {tell_delay(verdict.delay, dt)}",)
+        forced = (f"suspect, and forced: {reason}" for reason in verdict.suspects)
+        for line in (*log.notes, *verdict.notes, *late, *tell_poses(log, dt), *forced):
+            tell(f"{log.name}: {line}")
     return _of_one_robot(parts, tell)
 
 
-def _of_one_robot(
-    parts: Sequence[tuple[list[Episode], Mapping[str, float]]], tell: Callable[[str], None] | None
-) -> Dataset:
-    """Put drives of one robot together: a car has one wheelbase, the median of its logs'."""
-    every, (_, geometry) = [e for episodes, _ in parts for e in episodes], parts[0]
-    bases = np.array([told.get("wheelbase", np.nan) for _, told in parts])
-    if len(parts) == 1 or np.isnan(bases).any():
-        return Dataset(every, geometry)
-    order = np.argsort(bases)
-    steps = np.array([sum(map(len, episodes)) for episodes, _ in parts])[order]
-    one = float(bases[order][np.searchsorted(np.cumsum(steps), 0.5 * steps.sum())])
-    if np.ptp(bases) > 0.1 * abs(one) and tell is not None:
-        tell(
-            f"the logs tell wheelbases of {abs(bases).min():.2f} to {abs(bases).max():.2f} m: "
-            f"{abs(one):.2f} m is taken for all; --wheelbase M says which"
-        )
-    scaled = [
-        replace(e, inputs=e.inputs * (1.0, base / one))
-        for (episodes, _), base in zip(parts, bases, strict=True)
-        for e in episodes
-    ]
-    return Dataset(scaled, {"wheelbase": one})
+def read_files(
+    paths: Sequence[Path], how: ReadOptions, dt: float | None
+) -> Iterator[tuple[Log, LogVerdict]]:
+    """Read logs one after another; refuse what is suspect, options for none, a file given twice."""
+    dt, files, seen = None if dt is None else check_time("dt", dt), find_logs(paths), set[Path]()
+    refuse_unused(files, how)
+    for file in files:
+        if file.resolve() in seen:
+            raise DataError(
+                f"{file}: given twice: what is learned from would be checked against itself"
+            )
+        seen.add(file.resolve())
+        yield read_checked(file, how, dt)
 
 
 def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, LogVerdict]:
@@ -108,102 +95,92 @@ def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, L
     return even_stamps(log), verdict
 
 
-def _account(log: Log, verdict: LogVerdict, dt: float, tell: Callable[[str], None]) -> None:
-    """Tell how a log was read, and what is remarkable in it at the model's period [s]."""
-    delay = () if verdict.delay is None else (f"motion {tell_delay(verdict.delay, dt)}",)
-    forced = (f"suspect, and forced: {suspect.reason}" for suspect in verdict.suspects)
-    for line in (*log.notes, *verdict.notes, *delay, *tell_poses(log, dt), *forced):
-        tell(f"{log.name}: {line}")
-
-
-def once(files: Sequence[Path]) -> Sequence[Path]:
-    """Refuse a file that is given twice."""
-    seen: set[Path] = set()
-    for file in files:
-        if file.resolve() in seen:
-            raise DataError(
-                f"{file}: given twice: what is learned from would be checked against itself"
-            )
-        seen.add(file.resolve())
-    return files
+def _of_one_robot(
+    parts: Sequence[tuple[list[Episode], Mapping[str, float]]], tell: Callable[[str], None]
+) -> Dataset:
+    """Put drives of one robot together: a car has one wheelbase, the median of its logs'."""
+    every = [e for episodes, _ in parts for e in episodes]
+    bases = np.array([told.get("wheelbase", np.nan) for _, told in parts])
+    if len(parts) == 1 or np.isnan(bases).any():
+        return Dataset(every, parts[0][1])
+    order = np.argsort(bases)
+    steps = np.array([sum(map(len, episodes)) for episodes, _ in parts])[order]
+    one = float(bases[order][np.searchsorted(np.cumsum(steps), 0.5 * steps.sum())])
+    if np.ptp(bases) > 0.1 * abs(one):
+        tell(
+            f"the logs tell wheelbases of {abs(bases).min():.2f} to {abs(bases).max():.2f} m: "
+            f"{abs(one):.2f} m is taken for all; --wheelbase M says which"
+        )
+    scaled = [
+        replace(e, inputs=e.inputs * (1.0, base / one))
+        for (episodes, _), base in zip(parts, bases, strict=True)
+        for e in episodes
+    ]
+    return Dataset(scaled, {"wheelbase": one})
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
     """What was found in one log."""
 
-    name: str
     log: Log
-    topics: tuple[Topic, ...]
-    lines: tuple[tuple[str, str], ...]
-    """What it is about, and what there is to say."""
-    notes: tuple[str, ...]
-    suspects: tuple[str, ...]
+    lines: dict[str, str]
+    """What there is to say, by what it is about."""
+    notes: list[str]
+    suspects: list[str]
     doubts: tuple[str, ...]
     """What is doubtful of the delay."""
 
     def as_dict(self) -> dict[str, Any]:
         """All of it as values that JSON can hold."""
         return {
-            "log": self.name,
-            "topics": [topic._asdict() for topic in self.topics],
-            **dict(self.lines),
+            "log": self.log.name,
+            "topics": [topic._asdict() for topic in self.log.topics],
+            **self.lines,
             "notes": [*self.notes, *self.doubts],
-            "suspects": list(self.suspects),
+            "suspects": self.suspects,
         }
 
 
 def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
-    """Read a log and look at it.
+    """Read a log and look at it, also one whose time runs back.
 
     Raises
     ------
     DataError
         If it cannot be read.
     """
-    log, suspects = _read(file, ReadOptions() if how is None else how)
-    verdict, log = judge(log), even_stamps(log)
-    suspects += [suspect.reason for suspect in verdict.suspects]
-    notes = list(log.notes)
+    how, suspects = how or ReadOptions(), list[str]()
     try:
-        data = Dataset(cut(log, model_period(log)))
-        drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
-    except DataError as error:
-        drives = "none"
-        if not suspects:
-            suspects.append(str(error).removeprefix(f"{log.name}: "))
-    else:
-        suspects += _find_car(data)
-        notes += tell_poses(log, data.dt)
-    units = (*("m/s" for _ in log.columns[1:]), "rad/s")
-    lines = (
-        ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
-        ("commands", _describe(log.commands, log.columns, units)),
-        ("drives", drives),
-        ("delay", _tell_delay(verdict.delay, log)),
-    )
-    return Findings(str(file), log, log.topics, lines, tuple(notes), tuple(suspects), verdict.notes)
-
-
-def _read(file: Path, how: ReadOptions) -> tuple[Log, list[str]]:
-    """Read a log, also one whose time runs back, and say that it does."""
-    try:
-        return read_log(file, how), []
+        log = read_log(file, how)
     except DataError as error:
         try:
             log = read_log(file, replace(how, force=True))
         except DataError:
             raise error from None
-        return log, [str(error).removeprefix(f"{file}: ")]
-
-
-def _find_car(data: Dataset) -> list[str]:
-    """Say where the robot does not turn on the spot though it is commanded to."""
+        suspects.append(str(error).removeprefix(f"{file}: "))
+    verdict, log = judge(log), even_stamps(log)
+    suspects += verdict.suspects
+    notes, drives = list(log.notes), "none"
     try:
+        data = Dataset(cut(log, model_period(log)))
+        drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
+        notes += tell_poses(log, data.dt)
         refuse_car_like(data)
     except DataError as error:
-        return [str(error)]
-    return []
+        if not suspects or drives != "none":
+            suspects.append(str(error).removeprefix(f"{log.name}: "))
+    delay = "not known: the commands hardly change, or explain too little of the motion"
+    if verdict.delay is not None:
+        delay = f"the motion {tell_delay(verdict.delay, model_period(log))}"
+    units = (*("m/s" for _ in log.columns[1:]), "rad/s")
+    lines = {
+        "poses": _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad")),
+        "commands": _describe(log.commands, log.columns, units),
+        "drives": drives,
+        "delay": delay,
+    }
+    return Findings(log, lines, notes, suspects, verdict.notes)
 
 
 def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) -> str:
@@ -211,18 +188,6 @@ def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) ->
     steps = np.diff(series.time)
     growing = steps[steps > 0.0]
     rate = f" at {1.0 / np.median(growing):.3g} Hz" if len(growing) else ""
-    span = float(series.time.max() - series.time.min())
-    ranges = ", ".join(
-        f"{name} {low:.3g} to {high:.3g} {unit}"
-        for name, unit, low, high in zip(
-            names, units, series.values.min(axis=0), series.values.max(axis=0), strict=True
-        )
-    )
-    return f"{len(series.time)}{rate} over {span:.1f} s: {ranges}"
-
-
-def _tell_delay(delay: float | None, log: Log) -> str:
-    """How long after its command the motion comes [s], in words."""
-    if delay is None:
-        return "not known: the commands hardly change, or explain too little of the motion"
-    return f"the motion {tell_delay(delay, model_period(log))}"
+    ends = zip(names, units, series.values.min(axis=0), series.values.max(axis=0), strict=True)
+    ranges = ", ".join(f"{name} {low:.3g} to {high:.3g} {unit}" for name, unit, low, high in ends)
+    return f"{len(series.time)}{rate} over {np.ptp(series.time):.1f} s: {ranges}"

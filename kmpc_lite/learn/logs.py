@@ -66,11 +66,13 @@ def spelled(text: str) -> str:
     return WHOLE.get(parts, parts)
 
 
+LARGEST = 1e9
+"""Largest number of a pose or a command [m, rad, m/s, rad/s]: differences of larger ones are lost
+to rounding, and their squares overflow."""
 FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
 
 
-@dataclass(frozen=True)
-class Unit:
+class Unit(NamedTuple):
     """How a column becomes SI: ``scale * value + offset``."""
 
     scale: float
@@ -101,31 +103,19 @@ def parse_units(units: Mapping[str, str]) -> dict[str, Unit]:
 
 def _parse_unit(column: str, text: str) -> Unit:
     """One unit."""
-    known = KNOWN.get(column)
-    if known is None:
+    if (known := KNOWN.get(column)) is None:
         raise DataError(f"units: expected one of {', '.join(KNOWN)}, got {column!r}")
     found = FORM.fullmatch(text)
     name = spelled(found["unit"]) if found else text
-    size = known.get(name, _number(name))
+    try:
+        size = known.get(name) or float(name)
+    except ValueError:
+        size = 0.0
     if found is None or not size:
         hint = did_you_mean(name, known) or f"; choose from {', '.join(known)}"
-        such = _examples(column)
+        such = "deg, -rad or -deg+90" if column == "theta" else f"{list(known)[1]} or -0.5"
         raise DataError(f"units: {column}={text}: expected a unit such as {such}{hint}")
-    offset = (_number(found["offset"]) or 0.0) if found["offset"] else 0.0
-    return Unit(-size if found["sign"] else size, offset * size)
-
-
-def _examples(column: str) -> str:
-    """Units of a column that are often meant."""
-    return "deg, -rad or -deg+90" if column == "theta" else f"{list(KNOWN[column])[1]} or -0.5"
-
-
-def _number(text: str) -> float | None:
-    """A number, or None."""
-    try:
-        return float(text)
-    except ValueError:
-        return None
+    return Unit(-size if found["sign"] else size, float(found["offset"] or 0.0) * size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,11 +141,6 @@ class Topic(NamedTuple):
     """Messages a second; None if the file does not tell [Hz]."""
 
 
-def row_number(row: int) -> str:
-    """Name a row, counted from 0."""
-    return f"row {row}"
-
-
 @dataclass(frozen=True, eq=False)
 class Log:
     """One file's poses and commands, as they were logged: nothing resampled, nothing unwrapped."""
@@ -172,7 +157,7 @@ class Log:
     """All that is in the file, used or not."""
     notes: tuple[str, ...] = ()
     """What a user should know of how the file was read, one line each."""
-    where: Callable[[int], str] = row_number
+    where: Callable[[int], str] = "row {}".format
     """Names a row as the file does: ``line 7``."""
     columns: tuple[str, ...] = ("v", "omega")
     """What the numbers of a command are: v and omega; v, lateral and omega; v and steering..."""
@@ -248,36 +233,20 @@ class ReadOptions:
 def correct(log: Log, options: ReadOptions) -> Log:
     """Bring a log into s, m, rad, x east, y north, theta counter-clockwise from east."""
     poses = in_units(log.poses, ("x", "y", "theta"), options.units)
-    return replace(
-        log,
-        poses=_in_frame(poses, options.frame),
-        commands=_shifted(in_units(log.commands, log.columns, options.units), options.shift),
-        together=log.together and options.shift == 0.0,
-    )
+    if options.frame != "enu":
+        x, y, theta = poses.values.T
+        heading = 0.5 * np.pi - theta if options.frame == "ned" else theta
+        poses = replace(poses, values=np.column_stack([y, x, heading]))
+    commands = in_units(log.commands, log.columns, options.units)
+    commands = replace(commands, time=commands.time + options.shift)
+    together = log.together and options.shift == 0.0
+    return replace(log, poses=poses, commands=commands, together=together)
 
 
 def in_units(series: Series, names: tuple[str, ...], given: Mapping[str, str]) -> Series:
     """Give a series in SI units, from those that are given by column."""
     units = parse_units({name: unit for name, unit in given.items() if name in ("t", *names)})
-    if not units:
-        return series
-    values = series.values.copy()
+    values, same = series.values.copy(), Unit(1.0)
     for k, name in enumerate(names):
-        if name in units:
-            values[:, k] = units[name].apply(values[:, k])
-    time = units["t"].apply(series.time) if "t" in units else series.time
-    return replace(series, time=time, values=values)
-
-
-def _in_frame(series: Series, frame: str) -> Series:
-    """Poses with x east and y north."""
-    if frame == "enu":
-        return series
-    x, y, theta = series.values.T
-    heading = 0.5 * np.pi - theta if frame == "ned" else theta
-    return replace(series, values=np.column_stack([y, x, heading]))
-
-
-def _shifted(series: Series, shift: float) -> Series:
-    """The same at times that are `shift` [s] later."""
-    return series if shift == 0.0 else replace(series, time=series.time + shift)
+        values[:, k] = units.get(name, same).apply(values[:, k])
+    return replace(series, time=units.get("t", same).apply(series.time), values=values)

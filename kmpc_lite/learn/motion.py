@@ -18,10 +18,9 @@ from kmpc_lite.types import INPUTS, Array
 
 MOST_ROWS, STRETCHES = 20_000, 8
 """Most rows that are looked at; of a longer log, stretches spread over all of it."""
-LENGTHS = (1, 2, 4, 8, 16, 32, 64, 128)
-"""Rows of a window: short ones show delays, long ones what noise hides."""
-SHARP = LENGTHS[2]
-"""Windows up to this length tell when; so many rows round what longer ones found."""
+LENGTHS, SHARP = (1, 2, 4, 8, 16, 32, 64, 128), 4
+"""Rows of a window: short ones show delays, long ones what noise hides. Windows up to SHARP tell
+when; so many rows round what longer ones found."""
 LATEST, EARLY = 4.0, 3.0
 """How late a motion is looked for behind its command, and how far before it [s]."""
 FEWEST_WINDOWS, CHANCE = 12.0, 1e-5
@@ -104,8 +103,7 @@ class Match(NamedTuple):
 def gather(log: Log) -> Motion | None:
     """Put a log into even rows, or give None if too little of it has poses and commands."""
     time, poses = log.poses.time, log.poses.values
-    inside = np.ones(len(time), dtype=bool) if log.together else stretches(log) >= 0
-    steps = np.diff(time)
+    inside, steps = stretches(log) >= 0, np.diff(time)
     growing = steps[steps > 0.0]
     if inside.sum() < 8 or not len(growing):
         return None
@@ -117,26 +115,16 @@ def gather(log: Log) -> Motion | None:
     path = np.concatenate([[0.0], np.cumsum(np.diff(poses[:, 0] + 1j * poses[:, 1]) * whole)])
     grid = period * np.arange(int(clock[-1] / period) + 1)
     last = np.clip(np.searchsorted(clock, grid, side="right") - 1, 0, len(whole) - 1)
-    rows = _spread(len(grid))
+    rows = np.arange(len(grid) - 1)
+    if len(rows) > MOST_ROWS:
+        length = MOST_ROWS // STRETCHES
+        starts = np.linspace(0, len(rows) - length, STRETCHES).astype(int)
+        rows = (starts[:, None] + np.arange(length)).ravel()
     asked = np.diff(np.column_stack([np.interp(grid, clock, c) for c in sums.T]), axis=0)[rows]
     good = whole[last][rows] & whole[last[1:]][rows]
-    return Motion(
-        period,
-        np.diff(np.interp(grid, clock, path))[rows],
-        poses[last, 2][np.append(rows, rows[-1] + 1)],
-        asked,
-        good,
-        _change(asked * good[:, None]),
-    )
-
-
-def _spread(count: int) -> Array:
-    """Rows (k,) that are looked at, of steps between `count` rows."""
-    if count - 1 <= MOST_ROWS:
-        return np.arange(count - 1)
-    length = MOST_ROWS // STRETCHES
-    starts = np.linspace(0, count - 1 - length, STRETCHES).astype(int)
-    return np.concatenate([np.arange(s, s + length) for s in starts])
+    theta = poses[last, 2][np.append(rows, rows[-1] + 1)]
+    moved = np.diff(np.interp(grid, clock, path))[rows]
+    return Motion(period, moved, theta, asked, good, _change(asked * good[:, None]))
 
 
 def _asked(log: Log, time: Array) -> Array:
@@ -148,8 +136,7 @@ def _asked(log: Log, time: Array) -> Array:
     when, held = log.commands.time[order], told[order]
     sums = np.vstack([np.zeros(2), np.cumsum(held[:-1] * np.diff(when)[:, None], axis=0)])
     at = np.clip(np.searchsorted(when, time, side="right") - 1, 0, len(when) - 1)
-    late = np.maximum(time - when[at], 0.0)
-    return np.diff(sums[at] + held[at] * late[:, None], axis=0)
+    return np.diff(sums[at] + held[at] * np.maximum(time - when[at], 0.0)[:, None], axis=0)
 
 
 def speeds_of(log: Log) -> Array:
@@ -162,7 +149,7 @@ def speeds_of(log: Log) -> Array:
 
 def _change(steps: Array) -> float:
     """Rows after which half of what the commands (n, 2) were is gone."""
-    found = []
+    found = [np.inf]
     for column in steps.T:
         centred = column - column.mean()
         if not np.abs(centred).max(initial=0.0) > 1e-6 * np.abs(column).max(initial=0.0):
@@ -171,14 +158,13 @@ def _change(steps: Array) -> float:
         alike = np.fft.ifft(np.abs(padded) ** 2).real[: len(centred) // 4 + 1]
         below = np.flatnonzero(alike < 0.5 * alike[0])
         found.append(float(below[0]) if len(below) else float(len(alike)))
-    return max(1.0, min(found, default=1.0))
+    return max(1.0, min(found)) if len(found) > 1 else 1.0
 
 
 def match(motion: Motion, moved: Array, asked: Array) -> Match:
     """Explain steps `moved` (n,) by steps `asked` (n,): the best causal delay and windows."""
     asked, count = np.where(motion.whole, asked, 0.0), len(asked)
-    late = min(int(LATEST / motion.period), count // 4)
-    early = min(int(EARLY / motion.period), count // 4)
+    early, late = (min(int(most / motion.period), count // 4) for most in (EARLY, LATEST))
     lags = np.arange(-early, late + 1)
     size = 2 ** int(np.ceil(np.log2(2 * count)))
     best, beyond, sharp = Match(), -np.inf, np.zeros(len(lags))
@@ -190,21 +176,18 @@ def match(motion: Motion, moved: Array, asked: Array) -> Match:
         xx, yy = (float(np.vdot(column, column).real) for column in (x, y))
         if xx <= 0.0 or yy <= 0.0:
             continue
-        both = np.fft.fft(y, size) * np.fft.fft(x, size).conj()
-        products = np.fft.ifft(both)[lags]
+        products = np.fft.ifft(np.fft.fft(y, size) * np.fft.fft(x, size).conj())[lags]
         # as if the factor were known: one degree of freedom is the factor's
         shares = 1.0 - (1.0 - np.abs(products) ** 2 / (xx * yy)) * windows / (windows - 1.0)
         chance = 1.0 - CHANCE ** (1.0 / (windows - 1.0))
         sharp = shares if length <= SHARP else sharp
-        found = _best(lags, shares, products / xx, chance, length)
+        found = _best(lags, shares, products / xx)._replace(chance=chance, length=length)
         if (gain := (found.share - chance) / max(1.0 - chance, 1e-12)) > beyond:
             best, beyond = found, gain
-    if best.length <= SHARP:
-        return best
-    # long windows tell whether, short ones when
-    return best._replace(
-        lag=_nearby(lags, sharp, best.lag), early_lag=_nearby(lags, sharp, best.early_lag)
-    )
+    if best.length > SHARP:  # long windows tell whether, short ones when
+        lag, early_lag = (_nearby(lags, sharp, found) for found in (best.lag, best.early_lag))
+        best = best._replace(lag=lag, early_lag=early_lag)
+    return best
 
 
 def _nearby(lags: Array, shares: Array, lag: float) -> float:
@@ -220,46 +203,40 @@ def moving_sum(steps: Array, length: int) -> Array:
     return total
 
 
-def _best(lags: Array, shares: Array, factors: Array, chance: float, length: int) -> Match:
+def _best(lags: Array, shares: Array, factors: Array) -> Match:
     """Choose among delays; a delay before the command only counts for `early`."""
     causal = np.flatnonzero(lags >= 0)
     top = causal[int(np.argmax(shares[causal]))]
     same = np.real(factors * np.conj(factors[top])) > 0.0
-    reverse = float(np.max(shares[causal], initial=0.0, where=~same[causal]))
     before = shares[: causal[0]]
     ahead = int(np.argmax(before)) if len(before) else 0
     return Match(
         float(shares[top]),
-        chance,
-        complex(factors[top]),
-        _refined(lags, shares, top),
-        length,
-        reverse,
-        float(before[ahead]) if len(before) else 0.0,
-        _refined(lags, shares, ahead),
-        _rival(lags, np.where(same, shares, 0.0), top, causal),
+        factor=complex(factors[top]),
+        lag=_refined(lags, shares, top),
+        reverse=float(np.max(shares[causal], initial=0.0, where=~same[causal])),
+        early=float(before[ahead]) if len(before) else 0.0,
+        early_lag=_refined(lags, shares, ahead),
+        rival=_rival(lags, np.where(same, shares, 0.0), top, causal),
     )
 
 
 def _refined(lags: Array, shares: Array, top: int) -> float:
     """Lag of the best share to a part of a row: the top of a parabola."""
-    if not 0 < top < len(lags) - 1:
-        return float(lags[top])
-    before, here, after = shares[top - 1 : top + 2]
-    curve = before - 2.0 * here + after
-    aside = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
+    aside = 0.0
+    if 0 < top < len(lags) - 1:
+        before, here, after = shares[top - 1 : top + 2]
+        curve = before - 2.0 * here + after
+        aside = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
     return float(lags[top] + aside) if abs(aside) <= 1.0 else float(lags[top])
 
 
 def _rival(lags: Array, shares: Array, top: int, causal: Array) -> float | None:
     """Another delay that explains as much, with less between them; None if there is none."""
     for part in (causal[causal > top], causal[causal < top][::-1]):
-        if not len(part):
-            continue
-        deepest = np.minimum.accumulate(shares[part])
-        alike = (shares[top] - shares[part] < ALIKE * (shares[top] - deepest)) & (
-            shares[top] - deepest > DIP
-        )
+        less = shares[top] - shares[part]
+        deepest = np.maximum.accumulate(less)
+        alike = (less < ALIKE * deepest) & (deepest > DIP)
         if alike.any():
             return float(lags[part[int(np.argmax(alike))]])
     return None

@@ -12,8 +12,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import check_time
+from kmpc_lite.learn.dataset import Dataset, check_time
 from kmpc_lite.learn.least_squares import (
     check_excitation,
     least_squares,

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.learn.lag import mean_delay
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel

@@ -8,8 +8,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import seen_along
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 

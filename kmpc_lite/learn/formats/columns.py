@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from kmpc_lite.errors import DataError, did_you_mean
 from kmpc_lite.learn.logs import KNOWN, spelled
@@ -15,132 +14,86 @@ COLUMNS = ("t", "x", "y", "theta", "v", "omega")
 """Columns of the tables that are written."""
 CAR_OMEGA = "steered_turn_rate"
 """Turn rate of a car, as its saved logs have it: speed times the curvature of its wheels."""
-
-
-class Names(NamedTuple):
-    """How other tools call a column; in lower case, with underscores between the words."""
-
-    whole: tuple[str, ...]
-    endings: tuple[str, ...] = ()
-    """Last words of longer names: ``pose.pose.position.x``."""
-
-
-def _names(whole: str, endings: str = "") -> Names:
-    """Names that are parted by blanks."""
-    return Names(tuple(whole.split()), tuple(endings.split()))
-
-
-def _of_wheel(side: str) -> Names:
-    """Of a speed of the wheels of one side."""
-    s, parts = side[0], (f"{side}{of}_{what}" for of in ("", "_wheel") for what in WHEEL)
-    ends = f"{' '.join(parts)} {side}_wheel wheel_{side}"
-    return _names(f"v_{side} {side}_v v{s} v_{s} cmd_{side}", ends)
-
-
-WHEEL = ("speed", "vel", "velocity")
-ENDS = "position_{0} pos_{0} translation_{0} pose_{0} r_{0}"
-NAMES = {
-    "t": _names(
-        "time stamp timestamp secs sec seconds time_stamp ts elapsed", "header_stamp timestamp time"
-    ),
-    "x": _names("px tx pos_x x_pos east easting", ENDS.format("x")),
-    "y": _names("py ty pos_y y_pos north northing", ENDS.format("y")),
-    "theta": _names("yaw heading psi th phi angle orientation azimuth", "theta yaw heading"),
-    "v": _names(
-        "cmd_v v_cmd u_v v_ref cmd_vel linear speed velocity vel vx v_x cmd_vx vx_cmd",
-        "linear_x lin_vel linear_velocity lin_x v motor_speed erpm",
-    ),
-    "omega": _names(
-        "cmd_omega omega_cmd cmd_w w_cmd w wz angular yaw_rate yawrate turn_rate cmd_yaw_rate "
-        "omega_ref u_omega u_w",
-        "angular_z ang_vel angular_velocity ang_z omega yaw_rate",
-    ),
-    "steering": _names(
-        "steering_angle delta steer steer_angle servo_angle drive_steering_angle",
-        "steering_angle steering delta",
-    ),
-    "curvature": _names("kappa curv cmd_curvature u_kappa", "curvature kappa"),
-    "servo": _names(
-        "servo_position servo_pos servo1_raw servo_output rcou_c1 steering_pwm",
-        "servo_position servo servo1_raw servo_position_data",
-    ),
-    CAR_OMEGA: _names(""),
-    "lateral": _names(
-        "v_y vy cmd_vy vy_cmd lateral_speed lateral_velocity linear_y", "linear_y lateral"
-    ),
-    "lat": _names("latitude gps_lat", "latitude lat"),
-    "lon": _names("longitude lng long gps_lon", "longitude lon lng"),
-    "left": _of_wheel("left"),
-    "right": _of_wheel("right"),
-    **{
-        f"q{a}": _names(f"q_{a} rot_{a}", f"orientation_{a} rotation_{a} q_rs_{a} quat_{a}")
-        for a in "xyzw"
-    },
-}
-"""By our name; those of other kinds of robots are added here, in `KNOWN` and in `WAYS`."""
 QUATERNION = ("qx", "qy", "qz", "qw")
 STEERED = ("steering", "curvature", "servo", CAR_OMEGA)
 """What steers a car."""
 WAYS = {
     "position": (("x", "y"), ("lat", "lon")),
     "heading": (("theta",), QUATERNION),
-    "command": (
-        *(("v", "omega"), ("left", "right")),
-        *(("v", steered) for steered in STEERED),
-    ),
+    "command": (("v", "omega"), ("left", "right"), *(("v", steered) for steered in STEERED)),
 }
 """Columns that say the same; the first of which all are there are taken."""
+_PLACE = "position_{0} pos_{0} translation_{0} pose_{0} r_{0}"
+_WHEEL = "v_{1} {0}_v v{1} cmd_{0} | " + " ".join(
+    f"{{0}}{of}_{what}" for of in ("", "_wheel") for what in ("speed", "vel", "velocity")
+)
+_TOLD = {
+    "t": "time stamp timestamp secs sec seconds time_stamp ts elapsed "
+    "| header_stamp timestamp time",
+    "x": "px tx pos_x x_pos east easting | " + _PLACE.format("x"),
+    "y": "py ty pos_y y_pos north northing | " + _PLACE.format("y"),
+    "theta": "yaw heading psi th phi angle orientation azimuth | theta yaw heading",
+    "v": "cmd_v v_cmd u_v v_ref cmd_vel linear speed velocity vel vx v_x cmd_vx vx_cmd "
+    "| linear_x lin_vel linear_velocity lin_x v motor_speed erpm",
+    "omega": "cmd_omega omega_cmd cmd_w w_cmd w wz angular yaw_rate yawrate turn_rate cmd_yaw_rate "
+    "omega_ref u_omega u_w | angular_z ang_vel angular_velocity ang_z omega yaw_rate",
+    "steering": "steering_angle delta steer steer_angle servo_angle drive_steering_angle "
+    "| steering_angle steering delta",
+    "curvature": "kappa curv cmd_curvature u_kappa | curvature kappa",
+    "servo": "servo_position servo_pos servo1_raw servo_output rcou_c1 steering_pwm "
+    "| servo_position servo servo1_raw servo_position_data",
+    CAR_OMEGA: "|",
+    "lateral": "v_y vy cmd_vy vy_cmd lateral_speed lateral_velocity linear_y | linear_y lateral",
+    "lat": "latitude gps_lat | latitude lat",
+    "lon": "longitude lng long gps_lon | longitude lon lng",
+    "left": _WHEEL.format("left", "l") + " left_wheel wheel_left",
+    "right": _WHEEL.format("right", "r") + " right_wheel wheel_right",
+    **{f"q{a}": f"q_{a} rot_{a} | orientation_{a} rotation_{a} q_rs_{a} quat_{a}" for a in "xyzw"},
+}
+NAMES = {ours: tuple(part.split() for part in told.split("|")) for ours, told in _TOLD.items()}
+"""How other tools call a column, in lower case with underscores: whole names, last words of longer
+ones (``pose.pose.position.x``). Those of other robots are added here, in `KNOWN` and in `WAYS`."""
 COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
 """Words that tell a command from a measured speed."""
 LONGEST_NAME = 100
-"""Most characters of a column's name that are searched: the time that a search for brackets takes
-grows with their square."""
+"""Most characters of a column's name that are searched for a unit."""
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 SUFFIX = re.compile(r"_(?P<unit>ns|us|ms|sec|deg|rad|mm|cm|mps|rpm|degps|dps|radps|kmh|kph)$")
-NO_UNIT = ("", "-", "1")
 
 
 @dataclass(frozen=True)
 class Found:
-    """Where the columns of a table are."""
+    """Where the columns of a table are, by our name; a quaternion in the place of theta."""
 
     where: dict[str, int]
-    """Position of each column in the table, by our name: theta, or the four parts of a quaternion.
-    """
     names: dict[str, str]
-    """The file's name of each column, by our name."""
-    units: dict[str, str] = field(default_factory=dict)
-    """Unit of each column, by our name, where the header tells one that is not SI."""
-    passed_over: tuple[str, ...] = ()
-    """Columns that look like commands though others were taken."""
-    header: tuple[str, ...] = ()
+    """The file's names."""
+    units: dict[str, str]
+    """Units that the header tells, where they are not SI."""
+    command: tuple[str, ...]
+    """Columns of the commands; none if the table has none."""
+    header: tuple[str, ...]
     """Names of all the table's columns."""
-
-    @property
-    def command(self) -> tuple[str, ...]:
-        """Columns of the commands; none if the table has none."""
-        way = _commands(self.where.keys())
-        return way if set(way) <= self.where.keys() else ()
 
     def shown(self, name: str) -> str:
         """Give the file's name of a column, fit for a message."""
         return short(self.names[name])
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Which columns were taken, where that is not plain."""
+    def notes(self, chosen: Collection[str]) -> tuple[str, ...]:
+        """Which columns were taken, where that is not plain, and what else may hold commands."""
         told = [
             f"{name}={short(theirs)}" + (f" [{self.units[name]}]" if name in self.units else "")
             for name, theirs in self.names.items()
             if name != theirs or name in self.units
         ]
         lines = [f"columns: {', '.join(told)}"] if told else []
-        if self.passed_over:
-            others = ", ".join(map(short, self.passed_over[:4]))
+        own = [self.names[name] for name in self.command if name not in chosen]
+        others = [h for h in self.header if _is_commanded(h) and h not in self.names.values()]
+        if own and others and len(own) == len(self.command) and not any(map(_is_commanded, own)):
             taken = " and ".join(f"{name}={self.shown(name)}" for name in self.command)
             lines.append(
-                f"{taken} are learned from; commands may be in {others}, too "
-                "(--columns v=... omega=...)"
+                f"{taken} are learned from; commands may be in {', '.join(map(short, others[:4]))},"
+                " too (--columns v=... omega=...)"
             )
         return tuple(lines)
 
@@ -179,32 +132,33 @@ def find_columns(
     for name in chosen:
         if name not in NAMES:
             raise DataError(f"columns: expected one of {', '.join(NAMES)}, got {name!r}")
-    found: dict[str, int] = {}
-    several: dict[str, list[int]] = {}
-    for name in NAMES:
-        places = _places(file, header, name, chosen)
-        if len(places) == 1:
-            found[name] = places[0]
-        elif places:
-            several[name] = places
-    there = found.keys() | several.keys()
-    commands = _commands(there)
-    pose = (*_way("position", there), *_way("heading", there))
-    wanted = ("t", *pose) if poses else ("t", *commands)
-    missing = [name for name in wanted if name not in there]
+    there = {n: places for n in NAMES if (places := _places(file, header, n, chosen))}
+    commands = _way("command", there)
+    if commands == ("v", "omega") and "lateral" in there:
+        commands = ("v", "lateral", "omega")
+    wanted = ("t", *_way("position", there), *_way("heading", there)) if poses else ("t", *commands)
     every = tuple(dict.fromkeys((*wanted, *commands)))
-    doubled = [name for name in every if name in several]
+    missing = [name for name in wanted if name not in there]
+    doubled = [name for name in every if len(there.get(name, ())) > 1]
     if missing or doubled:
-        _refuse(file, header, where, missing, {n: several[n] for n in doubled})
-    kept = [n for n in every if n in found]
-    told = [n for n in kept if n not in given]
-    units = {n: u for n in told if (u := _unit(file, n, header[found[n]]))}
-    names = {n: header[found[n]] for n in kept}
-    taken = set(names.values())
-    others = tuple(h for h in header if h not in taken and _is_commanded(h))
-    plain = all(n in names and n not in chosen and not _is_commanded(names[n]) for n in commands)
-    passed_over = others if plain else ()
-    return Found({n: found[n] for n in kept}, names, units, passed_over, tuple(header))
+        told = [f"{', '.join(missing)} missing"] if missing else []
+        for name in doubled:
+            names = [header[k] for k in there[name]]
+            same, may_be = len(set(names)) == 1, " or ".join(map(short, names[:3]))
+            told.append(f"{name} doubled" if same else f"{name} may be {may_be}")
+        raise DataError(
+            f"{file}: {where}: {' and '.join(told)}; expected {','.join(COLUMNS)}, got "
+            f"{listed(header) or 'nothing'}; --columns {[*missing, *doubled][0]}=NAME tells"
+        )
+    kept = {n: there[n][0] for n in every if n in there}
+    units = {n: _unit(file, n, header[k]) for n, k in kept.items() if n not in given}
+    return Found(
+        kept,
+        {n: header[k] for n, k in kept.items()},
+        {n: unit for n, unit in units.items() if unit},
+        commands if set(commands) <= kept.keys() else (),
+        tuple(header),
+    )
 
 
 def _way(kind: str, there: Collection[str]) -> tuple[str, ...]:
@@ -213,31 +167,24 @@ def _way(kind: str, there: Collection[str]) -> tuple[str, ...]:
     return next(whole, WAYS[kind][0])
 
 
-def _commands(there: Collection[str]) -> tuple[str, ...]:
-    """Columns of the commands: of an omni the speed to the left, too."""
-    way = _way("command", there)
-    return ("v", "lateral", "omega") if way == ("v", "omega") and "lateral" in there else way
-
-
 def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, str]) -> list[int]:
     """Columns that `name` may mean: by the surest rule that finds any."""
     if name in chosen:
-        places = [k for k, theirs in enumerate(header) if theirs == chosen[name]]
-        if not places:
-            names = [short(theirs) for theirs in header]
-            hint = did_you_mean(chosen[name], names) or f"; it has {listed(header)}"
-            raise DataError(f"{file}: columns: {name}={short(chosen[name])}: no such column{hint}")
-        return places
-    exact = [k for k, theirs in enumerate(header) if theirs == name]
-    if exact:
+        if places := [k for k, theirs in enumerate(header) if theirs == chosen[name]]:
+            return places
+        hint = did_you_mean(chosen[name], [short(h) for h in header])
+        told = f"{file}: columns: {name}={short(chosen[name])}: no such column"
+        raise DataError(told + (hint or f"; it has {listed(header)}"))
+    if exact := [k for k, theirs in enumerate(header) if theirs == name]:
         return exact
     plain = [_plain(theirs) for theirs in header]
-    for alias in (name, *NAMES[name].whole):
+    whole, endings = NAMES[name]
+    for alias in (name, *whole):
         if places := [k for k, theirs in enumerate(plain) if theirs == alias]:
             return places
-    for ending in NAMES[name].endings:
+    for ending in endings:
         if places := [k for k, theirs in enumerate(plain) if f"_{theirs}".endswith(f"_{ending}")]:
-            sure = [k for k in places if any(word in plain[k] for word in COMMANDED)]
+            sure = [k for k in places if _is_commanded(plain[k])]
             return sure if len(sure) == 1 and name in WAYS["command"][0] else places
     return []
 
@@ -250,8 +197,7 @@ def _is_commanded(name: str) -> bool:
 def _plain(name: str) -> str:
     """A name without its unit, in lower case, words parted by underscores."""
     bare = BRACKETS.sub("", name[:LONGEST_NAME])
-    words = re.sub(r"[^0-9a-z]+", "_", bare.lower()).strip("_")
-    return SUFFIX.sub("", words)
+    return SUFFIX.sub("", re.sub(r"[^0-9a-z]+", "_", bare.lower()).strip("_"))
 
 
 def _unit(file: Path, name: str, theirs: str) -> str | None:
@@ -259,35 +205,14 @@ def _unit(file: Path, name: str, theirs: str) -> str | None:
     theirs = theirs[:LONGEST_NAME]
     found = BRACKETS.search(theirs) or SUFFIX.search(theirs.lower().strip())
     sizes = KNOWN.get(name)
-    if found is None or sizes is None or found["unit"] in NO_UNIT:
+    if found is None or sizes is None or found["unit"] in ("", "-", "1"):
         return None
-    unit = spelled(found["unit"])
-    if unit not in sizes:
+    if (unit := spelled(found["unit"])) not in sizes:
         raise DataError(
             f"{file}: unknown unit {short(found['unit'])!r} in column {short(theirs)!r}: expected "
             f"{', '.join(sizes)}; --units {name}=... says what it is"
         )
     return None if unit == next(iter(sizes)) else unit
-
-
-def _refuse(
-    file: Path,
-    header: Sequence[str],
-    where: str,
-    missing: Sequence[str],
-    doubled: Mapping[str, Sequence[int]],
-) -> None:
-    """Say what is missing and what is there more than once."""
-    told = [f"{', '.join(missing)} missing"] if missing else []
-    for name, places in doubled.items():
-        names = [header[k] for k in places]
-        same = len(set(names)) == 1
-        may_be = " or ".join(short(n) for n in names[:3])
-        told.append(f"{name} doubled" if same else f"{name} may be {may_be}")
-    raise DataError(
-        f"{file}: {where}: {' and '.join(told)}; expected {','.join(COLUMNS)}, got "
-        f"{listed(header) or 'nothing'}; --columns {next(iter([*missing, *doubled]))}=NAME tells"
-    )
 
 
 def listed(header: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""MCAP files of this project, read by the mcap package without trusting them.
+"""Drives that kmpc recorded itself, MCAP files that the mcap package reads, without trusting them.
 
 A file that a power cut tore is read up to its last whole record. Chunks that are packed, or of
 other profiles, are for other readers.
@@ -6,12 +6,19 @@ other profiles, are for other readers.
 
 from __future__ import annotations
 
+import json
 import os
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
+from math import atan2, remainder, tau
+from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.formats.streams import Thinned
+from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -24,6 +31,11 @@ LARGEST_MESSAGE, LARGEST = 2**20, 2**25
 """Length of the longest message that this project writes, and of the largest record that is read
 [bytes]; a chunk holds half a second."""
 MOST_CHANNELS = 1000
+POSES, COMMANDS, GATE = "/pose", "/command", "/gate"
+DRIVING = ("ACTIVE", "STOPPING", "HOLDING")
+"""States of the safety gate in which the robot obeys the commands that are recorded."""
+BREAKS = 0.3
+"""Where the robot did not obey, poses are left out, and so is this long after it [s]."""
 
 
 class Found(NamedTuple):
@@ -46,20 +58,6 @@ def is_ours(path: str | os.PathLike[str]) -> bool:
     return False
 
 
-def read_mcap(path: str | os.PathLike[str]) -> Iterator[Found]:
-    """Yield all that is in a file, in its order, as far as it is whole.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        For whatever is wrong with its content, in one line.
-    """
-    with open_regular(path) as file:
-        yield from read_messages(file)
-
-
 class _Bounded:
     """A file of which no more is read at once than a record may hold, whatever a length says."""
 
@@ -71,7 +69,13 @@ class _Bounded:
 
 
 def read_messages(file: BinaryIO) -> Iterator[Found]:
-    """Yield all that is in an open file; raises ValueError as `read_mcap` does."""
+    """Yield all that is in an open file, in its order, as far as it is whole.
+
+    Raises
+    ------
+    ValueError
+        For whatever is wrong with its content, in one line.
+    """
     from mcap import records as of
 
     topics: dict[int, str] = {}
@@ -115,3 +119,56 @@ def _records(file: BinaryIO) -> Iterator[Any]:
             except (McapError, struct.error, UnicodeDecodeError) as error:
                 raise ValueError(f"a chunk is damaged: {type(error).__name__}") from error
             yield from parts
+
+
+def read_recorded(path: Path, options: ReadOptions) -> Log:
+    """Read poses and commands of a recorded drive, as far as the robot obeyed them."""
+    if options.topics:
+        raise DataError(f"{path}: --topics: a drive that kmpc recorded has one pose, one command")
+    kept = {POSES: Thinned(3, options.spacing), COMMANDS: Thinned(2, options.spacing)}
+    counts, obeys, since, left_out = Counter[str](), True, -BREAKS, 0
+    try:
+        with open_regular(path) as file:
+            for topic, nanoseconds, content in read_messages(file):
+                if topic.startswith("metadata:"):
+                    continue
+                counts[topic] += 1
+                time = nanoseconds * 1e-9
+                if topic != GATE and not (topic in kept and kept[topic].wants(time)):
+                    continue
+                told = _parsed(topic, content)
+                if topic == GATE:
+                    before, obeys = obeys, told["state"] in DRIVING
+                    since = time if obeys and not before else since
+                elif topic == COMMANDS:
+                    kept[topic].add(time, _number(told["v"]), _number(told["omega"]))
+                elif obeys and time >= since + BREAKS:
+                    place, turn = told["pose"]["position"], told["pose"]["orientation"]
+                    x, y, sin, cos = map(_number, (place["x"], place["y"], turn["z"], turn["w"]))
+                    kept[topic].add(time, x, y, remainder(2.0 * atan2(sin, cos), tau))
+                else:
+                    left_out += 1
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise DataError(f"{path}: not a drive that kmpc recorded: {error!s:.200}") from error
+    series = []
+    for name, samples in kept.items():
+        if len(rows := samples.rows()) < 2:
+            raise DataError(f"{path}: {name}: {len(rows)} message(s); expected at least 2")
+        series.append(Series(rows[:, 0], rows[:, 1:], f"{name} (kmpc)"))
+    notes = [f"poses: {series[0].source}; commands: {series[1].source}"]
+    if left_out:
+        notes.append(f"{left_out} poses of a robot that did not obey were left out")
+    topics = tuple(Topic(name, "kmpc", count, None) for name, count in sorted(counts.items()))
+    return Log(str(path), series[0], series[1], topics=topics, notes=tuple(notes))
+
+
+def _parsed(topic: str, content: bytes) -> Any:
+    if len(content) > LARGEST_MESSAGE:
+        raise ValueError(f"a message of {len(content):,} bytes on {topic}")
+    return json.loads(content)
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"expected a number, got {value!r:.40}")
+    return float(value)

@@ -15,8 +15,7 @@ import numpy as np
 from kmpc_lite.errors import DataError, did_you_mean
 from kmpc_lite.learn.formats.columns import STEERED
 from kmpc_lite.learn.formats.mcap import DRIVE, is_ours
-from kmpc_lite.learn.formats.tables import LARGEST
-from kmpc_lite.learn.logs import Log, ReadOptions, correct
+from kmpc_lite.learn.logs import LARGEST, Log, ReadOptions, correct
 from kmpc_lite.learn.steering import as_car
 from kmpc_lite.reading import open_regular
 
@@ -29,37 +28,29 @@ class Reader(NamedTuple):
     what: str
     """Name of the format."""
     needs: str = ""
-    """Module that it needs beside the core's."""
-    extra: str = "logs"
-    """Extra that brings it."""
+    """Module that it needs beside the core's, which the extra "logs" brings."""
 
 
 TABLE = Reader("tables:read_table", "a table")
 BAG = Reader("rosbag:read_bag", "a ROS bag", "rosbags")
-RECORDED = Reader("recorded:read_recorded", "a drive that kmpc recorded", "mcap")
+RECORDED = Reader("mcap:read_recorded", "a drive that kmpc recorded", "mcap")
 READERS: dict[str, Reader] = {
-    ".csv": TABLE,
-    ".npz": TABLE,
-    ".tsv": TABLE,
-    ".txt": TABLE,
-    ".tum": TABLE,
-    ".bag": BAG,
-    ".mcap": BAG,
-    ".db3": BAG,
-    ".bin": Reader("dataflash:read_dataflash", "an ArduPilot log"),
-    ".tlog": Reader("tlog:read_tlog", "a MAVLink log", "pymavlink"),
+    **dict.fromkeys((".csv", ".npz", ".tsv", ".txt", ".tum"), TABLE),
+    **dict.fromkeys((".bag", ".mcap", ".db3"), BAG),
+    ".bin": Reader("ardupilot:read_dataflash", "an ArduPilot log", "pymavlink"),
+    ".tlog": Reader("ardupilot:read_tlog", "a MAVLink log", "pymavlink"),
     ".ulg": Reader("ulog:read_ulog", "a PX4 log", "pyulog"),
 }
 LFS = b"version https://git-lfs"
 """What Git leaves in place of a large file."""
-MAGIC = (
-    (b"\x89MCAP0\r\n", ".mcap"),
-    (b"#ROSBAG", ".bag"),
-    (b"SQLite format 3", ".db3"),
-    (b"\xa3\x95\x80\x80", ".bin"),
-    (b"ULog\x01\x12\x35", ".ulg"),
-    (b"PK\x03\x04", ".npz"),
-)
+MAGIC = {
+    b"\x89MCAP0\r\n": ".mcap",
+    b"#ROSBAG": ".bag",
+    b"SQLite format 3": ".db3",
+    b"\xa3\x95\x80\x80": ".bin",
+    b"ULog\x01\x12\x35": ".ulg",
+    b"PK\x03\x04": ".npz",
+}
 """First bytes of files whose ending says nothing."""
 
 
@@ -76,7 +67,7 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -
     if _first_bytes(file).startswith(LFS):
         raise DataError(f"{file}: a pointer of Git LFS, not the log itself: git lfs pull gets it")
     reader = reader_of(file)
-    need_reader(file, reader)
+    _need(file, reader)
     if options.commands is not None and reader is not TABLE:
         raise DataError(f"{file}: --commands goes with tables of poses; this is {reader.what}")
     module, _, name = reader.where.partition(":")
@@ -129,18 +120,17 @@ def find_logs(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
     """
     found: list[Path] = []
     for path in map(Path, paths):
-        if path.is_dir() and not is_bag(path) and is_ours(path / DRIVE):
-            # what lies beside it holds the same drive
-            found.append(path / DRIVE)
-        elif path.is_dir() and not is_bag(path):
-            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in READERS or is_bag(p))
-            if not inside and path.suffix.lower() not in READERS:
-                raise DataError(f"{path}: a folder without a log; expected {endings()}")
-            found += inside or [path]
-        else:
+        if not path.is_dir() or _is_bag(path):
             found.append(path)
+        elif is_ours(path / DRIVE):  # what lies beside it holds the same drive
+            found.append(path / DRIVE)
+        else:
+            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in READERS or _is_bag(p))
+            if not inside and path.suffix.lower() not in READERS:
+                raise DataError(f"{path}: a folder without a log; expected {ENDINGS}")
+            found += inside or [path]
     for file in found:
-        need_reader(file, reader_of(file))
+        _need(file, reader_of(file))
     return found
 
 
@@ -159,19 +149,17 @@ def refuse_unused(files: Iterable[Path], options: ReadOptions) -> None:
         raise DataError("--topics: all of the logs are tables; --columns chooses of those")
 
 
-def is_bag(path: Path) -> bool:
+def _is_bag(path: Path) -> bool:
     """Whether a folder is a rosbag2."""
     return (path / "metadata.yaml").is_file()
 
 
-def endings() -> str:
-    """Endings of all formats."""
-    return ", ".join(READERS) + " or a rosbag2 folder"
+ENDINGS = ", ".join(READERS) + " or a rosbag2 folder"
 
 
 def reader_of(file: Path) -> Reader:
     """Choose by the ending, or by the first bytes where the ending says nothing."""
-    if is_bag(file):
+    if _is_bag(file):
         return BAG
     ending = file.suffix.lower()
     if READERS.get(ending) is BAG and is_ours(file):
@@ -179,12 +167,12 @@ def reader_of(file: Path) -> Reader:
     if ending in READERS:
         return READERS[ending]
     begin = _first_bytes(file)
-    for magic, known in MAGIC:
+    for magic, known in MAGIC.items():
         if begin.startswith(magic):
             return READERS[known]
     hint = did_you_mean(ending, READERS) if len(ending) > 2 else ""
     raise DataError(
-        f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {endings()}{hint}"
+        f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {ENDINGS}{hint}"
     )
 
 
@@ -197,13 +185,13 @@ def _first_bytes(file: Path) -> bytes:
         return b""
 
 
-def need_reader(file: Path, reader: Reader) -> None:
+def _need(file: Path, reader: Reader) -> None:
     """Refuse where what a format needs is not installed, with the line that installs it."""
     try:
         missing = bool(reader.needs) and find_spec(reader.needs) is None
-    except (ImportError, ValueError):
+    except ImportError:
         missing = True
     if missing:
         raise DataError(
-            f"{file}: {reader.what} needs {reader.needs}: pip install 'kmpc-lite[{reader.extra}]'"
+            f"{file}: {reader.what} needs {reader.needs}: pip install 'kmpc-lite[logs]'"
         )

@@ -1,13 +1,17 @@
-"""Tables: CSV and npz files with a column each for time, pose and command."""
+"""Tables: CSV of any delimiter, TUM trajectories, and npz files, a column each for what is told."""
 
 from __future__ import annotations
 
 import csv
 import io
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +19,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import read_npz, real_array, write_whole
 from kmpc_lite.geometry import heading_of
-from kmpc_lite.learn.dataset import CHUNK
-from kmpc_lite.learn.episode import MAX_ROWS, Episode
+from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
     CAR_OMEGA,
     COLUMNS,
@@ -25,11 +28,12 @@ from kmpc_lite.learn.formats.columns import (
     Found,
     find_columns,
     listed,
+    short,
 )
-from kmpc_lite.learn.formats.csv_table import Layout, line_of, read_csv
 from kmpc_lite.learn.formats.streams import local_metres
 from kmpc_lite.learn.logs import (
     KNOWN,
+    LARGEST,
     TURN_RATE,
     Log,
     ReadOptions,
@@ -37,8 +41,8 @@ from kmpc_lite.learn.logs import (
     correct,
     in_units,
     parse_units,
-    row_number,
 )
+from kmpc_lite.reading import text_lines
 from kmpc_lite.types import INPUTS, Array
 
 WRITTEN = (".csv", ".npz")
@@ -46,9 +50,34 @@ MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
 """Most memory that an npz log may take [bytes]."""
 SIDEWAYS = 0.05
 """Share of the largest speed ahead from which on a speed to the left is that of an omni."""
-LARGEST = 1e9
-"""Largest number of a pose or a command [m, rad, m/s, rad/s]: differences of larger ones are lost
-to rounding, and their squares overflow."""
+MAX_HEADER, MAX_LINE, MAX_REMARKS = 10_000, 100_000, 100
+"""Characters of the longest header, and of the longest line; remarks before the header."""
+MISSING = ("", "nan", "none", "null", "na", "n/a")
+"""What stands where a value is missing, in lower case."""
+EPOCH_NANOSECONDS = 9e17
+"""Times that are larger count nanoseconds since 1970, from 1998 on: no robot runs so long [s]."""
+DELIMITERS = (",", ";", "\t", "|")
+EXPORTS = {
+    **dict.fromkeys(("Objects", "Segments", "Trajectories", "Joints"), "an export of Vicon Nexus"),
+    **{"Format Version,": "an export of OptiTrack Motive", "NO_OF_FRAMES": "an export of QTM"},
+}
+"""How exports of motion capture begin."""
+TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of a trajectory as the TUM benchmark has them."""
+HEADER = re.compile(r"(t|time|stamp|timestamp)\b", re.IGNORECASE)
+"""How a remark begins that is the header: EuRoC's with #timestamp [ns]."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """What is needed of a table."""
+
+    file: Path
+    found: Found
+    columns: dict[str, Array]
+    """Values (n,) by our name."""
+    where: Callable[[int], str]
+    """Names a row as its file does; -1 is its header."""
 
 
 def read_table(file: Path, options: ReadOptions) -> Log:
@@ -59,142 +88,153 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     DataError
         With file, line and column, for whatever is wrong.
     """
-    found, columns, where = _read_columns(file, options)
+    table, notes = _read(file, options)
+    found, columns, time = table.found, table.columns, table.columns["t"]
     if options.commands is None and not found.command:
         missing = [name for name in WAYS["command"][0] if name not in columns]
         named = " ".join(f"{name}=NAME" for name in missing)
         raise DataError(
-            f"{file}: {where(-1)}{', '.join(missing)} missing; expected {','.join(COLUMNS)}, got "
-            f"{listed(found.header)}; --columns {named} tells which they are, --commands FILE "
-            "gives commands that lie elsewhere"
+            f"{file}: {table.where(-1)}: {', '.join(missing)} missing; expected "
+            f"{','.join(COLUMNS)}, got {listed(found.header)}; --columns {named} tells which they "
+            "are, --commands FILE gives commands that lie elsewhere"
         )
-    columns, where, notes = _whole_rows(columns, found, where)
-    _check(file, columns, found, where, options.force)
-    units = _header_units(found, options)
-    poses = Series(columns["t"], _poses(columns, found, options), str(file))
+    notes = (*found.notes(options.columns), *notes)
+    poses = Series(time, _poses(table, options), str(file))
     if options.commands is not None:
-        held, kinds, more = read_commands(options.commands, options)
-        poses, notes = in_units(poses, ("x", "y", "theta"), units), (*found.notes, *notes, *more)
-        return Log(str(file), poses, held, notes=notes, where=where, columns=kinds)
-    values, kinds, more = _commands(file, columns, found, options)
-    held = Series(columns["t"], values, str(file))
-    notes = (*found.notes, *notes, *more)
-    log = Log(str(file), poses, held, True, notes=notes, where=where, columns=kinds)
+        held, kinds, more = _read_commands(options.commands, options)
+        poses = in_units(poses, ("x", "y", "theta"), found.units)
+        return Log(str(file), poses, held, notes=(*notes, *more), where=table.where, columns=kinds)
+    values, kinds, more = _commands(table, options)
     wheels = found.command == ("left", "right")
-    track = {"track": options.track} if wheels and options.track else {}
-    log = replace(log, header_units=units, wheel_speeds=wheels, geometry=track)
-    return correct(log, ReadOptions(units=units))
+    log = Log(
+        str(file),
+        poses,
+        Series(time, values, str(file)),
+        True,
+        notes=(*notes, *more),
+        where=table.where,
+        columns=kinds,
+        header_units=found.units,
+        wheel_speeds=wheels,
+        geometry={"track": options.track} if wheels and options.track else {},
+    )
+    return correct(log, ReadOptions(units=found.units))
 
 
-def read_commands(
-    file: Path, options: ReadOptions
-) -> tuple[Series, tuple[str, ...], tuple[str, ...]]:
-    """Read a table of commands alone: what they are, and notes, beside it."""
-    found, columns, where = _read_columns(file, options, poses=False)
-    columns, where, notes = _whole_rows(columns, found, where)
-    _check(file, columns, found, where, options.force)
-    values, named, more = _commands(file, columns, found, options)
-    held = Series(columns["t"], values, str(file))
-    return in_units(held, named, _header_units(found, options)), named, (*notes, *more)
+def _read_commands(file: Path, options: ReadOptions) -> tuple[Series, tuple[str, ...], list[str]]:
+    """Commands of a table that holds nothing else, what they are, and notes."""
+    table, notes = _read(file, options, poses=False)
+    values, kinds, more = _commands(table, options)
+    held = Series(table.columns["t"], values, str(file))
+    return in_units(held, kinds, table.found.units), kinds, [*notes, *more]
 
 
-def _header_units(found: Found, options: ReadOptions) -> dict[str, str]:
-    """Units that the header tells; what the user says goes first."""
-    return {k: u for k, u in found.units.items() if k not in options.units}
-
-
-def _whole_rows(
-    columns: dict[str, Array], found: Found, where: Callable[[int], str]
-) -> tuple[dict[str, Array], Callable[[int], str], tuple[str, ...]]:
-    """Rows in which nothing is missing, how they are named, and a note on the others.
+def _read(file: Path, options: ReadOptions, poses: bool = True) -> tuple[Table, tuple[str, ...]]:
+    """Rows in which nothing is missing, and a note on the others.
 
     Where most rows miss something, all are kept, and the check names the first.
     """
-    lacking = {name: np.isnan(column) for name, column in columns.items()}
-    kept = ~np.any(list(lacking.values()), axis=0)
-    if kept.all() or 2 * int(kept.sum()) < len(kept):
-        return columns, where, ()
-    rows = np.flatnonzero(kept)
-    names = ", ".join(found.shown(name) for name, missing in lacking.items() if missing.any())
-    note = f"{len(kept) - len(rows)} rows without a number in {names} were left out"
-    whole = {name: column[rows] for name, column in columns.items()}
-    return whole, lambda row: where(int(rows[row]) if row >= 0 else row), (note,)
-
-
-def _read_columns(
-    file: Path, options: ReadOptions, poses: bool = True
-) -> tuple[Found, dict[str, Array], Callable[[int], str]]:
-    """Columns that are needed (n,) by our name, and how rows are named."""
     if file.suffix.lower() == ".npz":
-        found, columns = _read_npz(file, options, poses)
-        return found, columns, _row_of_array
-    found, columns, layout = read_csv(file, options, poses)
-    return found, columns, partial(_line_of_text, file, layout)
+        table = _read_npz(file, options, poses)
+    else:
+        try:
+            table = _read_text(file, options, poses, tolerant=False)
+        except DataError:
+            raise
+        except ValueError:  # values are missing, times are dates, or something is wrong
+            table = _read_text(file, options, poses, tolerant=True)
+    notes: tuple[str, ...] = ()
+    lacking = {name: np.isnan(values) for name, values in table.columns.items()}
+    kept = ~np.any(list(lacking.values()), axis=0)
+    if not kept.all() and 2 * int(kept.sum()) >= len(kept):
+        rows, whole = np.flatnonzero(kept), table
+        names = ", ".join(table.found.shown(n) for n, missing in lacking.items() if missing.any())
+        notes = (f"{len(kept) - len(rows)} rows without a number in {names} were left out",)
+        table = replace(
+            whole,
+            columns={name: values[rows] for name, values in whole.columns.items()},
+            where=lambda row: whole.where(int(rows[row]) if row >= 0 else row),
+        )
+    _check(table, options.force)
+    return table, notes
 
 
-def _row_of_array(row: int) -> str:
-    """Name a row of arrays; -1 is what holds the names."""
-    return "arrays: " if row < 0 else row_number(row)
+def _check(table: Table, force: bool) -> None:
+    """Refuse a table that no episode can be made of, with the line."""
+    file, time = table.file, table.columns["t"]
+    if len(time) < 2:
+        raise DataError(f"{file}: {len(time)} row(s); expected at least 2")
+    for name, column in table.columns.items():
+        si = next((unit for unit, size in KNOWN.get(name, {}).items() if size == 1.0), "")
+        unit = f" {si}" if si and name not in table.found.units else ""
+        for wrong, wanted in (
+            (~np.isfinite(column), f"a finite number{' in' * bool(unit)}{unit}"),
+            ((np.abs(column) > LARGEST) & (name != "t"), f"at most {LARGEST:g}{unit}"),
+        ):
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise DataError(
+                    f"{file}: {table.where(row)}, column {table.found.shown(name)}: "
+                    f"expected {wanted}, got {column[row]}"
+                )
+    if (back := np.diff(time) <= 0.0).any() and not force:
+        row = int(np.argmax(back)) + 1
+        raise DataError(
+            f"{file}: {table.where(row)}, column {table.found.shown('t')}: time must grow, got "
+            f"{time[row]:.15g} s after {time[row - 1]:.15g} s; --force cuts the log there"
+        )
 
 
-def _line_of_text(file: Path, layout: Layout, row: int) -> str:
-    """Name a row of a text; -1 is its header."""
-    return f"{layout.where}: " if row < 0 else line_of(file, row, layout)
-
-
-def _poses(columns: dict[str, Array], found: Found, options: ReadOptions) -> Array:
+def _poses(table: Table, options: ReadOptions) -> Array:
     """Poses (n, 3); the heading of quaternions is that of the robot's x axis."""
+    columns = table.columns
     theta = columns.get("theta")
     if theta is None:
         theta = heading_of(*(columns[q] for q in QUATERNION))
-    if "lat" in columns:
-        place = _in_own_units(columns, ("lat", "lon"), found, options)
-        north, east = local_metres(*place).T
-        return np.column_stack([east, north, theta])
-    return np.column_stack([columns["x"], columns["y"], theta])
+    if "lat" not in columns:
+        return np.column_stack([columns["x"], columns["y"], theta])
+    north, east = local_metres(*_in_units(table, ("lat", "lon"), options)).T
+    return np.column_stack([east, north, theta])
 
 
-def _commands(
-    file: Path, columns: dict[str, Array], found: Found, options: ReadOptions
-) -> tuple[Array, tuple[str, ...], tuple[str, ...]]:
+def _in_units(table: Table, names: tuple[str, ...], options: ReadOptions) -> list[Array]:
+    """Columns that become others, in the units that the user gave, or the header."""
+    units = parse_units({**table.found.units, **options.units})
+    return [units[n].apply(table.columns[n]) if n in units else table.columns[n] for n in names]
+
+
+def _commands(table: Table, options: ReadOptions) -> tuple[Array, tuple[str, ...], list[str]]:
     """Commands (n, m), also of a left and a right wheel; what their numbers are, and notes."""
-    if found.command != ("left", "right"):
-        kinds, notes = found.command, list[str]()
-        largest = {name: np.abs(columns[name]).max() for name in kinds}
-        if "lateral" in kinds and largest["lateral"] < SIDEWAYS * largest["v"]:
-            kinds = ("v", "omega")
-            notes.append(f"{found.shown('lateral')} is next to nothing: this is no omni")
-        elif "lateral" in kinds:
-            notes.append('three speeds, an omni: wheels = {kind = "omni"}')
-        return np.column_stack([columns[name] for name in kinds]), kinds, tuple(notes)
+    found, kinds, notes = table.found, table.found.command, list[str]()
+    if kinds != ("left", "right"):
+        if "lateral" in kinds:
+            v, lateral = (np.abs(table.columns[name]).max() for name in ("v", "lateral"))
+            if lateral < SIDEWAYS * v:
+                kinds = ("v", "omega")
+                notes = [f"{found.shown('lateral')} is next to nothing: this is no omni"]
+            else:
+                notes = ['three speeds, an omni: wheels = {kind = "omni"}']
+        return np.column_stack([table.columns[name] for name in kinds]), kinds, notes
     if options.track is None:
         raise DataError(
-            f"{file}: commands are speeds of a left and a right wheel: --track M tells how far "
-            "apart they are"
+            f"{table.file}: commands are speeds of a left and a right wheel: --track M tells how "
+            "far apart they are"
         )
-    sides = ("left", "right")
-    left, right = _in_own_units(columns, sides, found, options)
-    turning = [n for n in sides if {**found.units, **options.units}.get(n) in TURN_RATE]
-    if turning and options.wheel_radius is None:
-        raise DataError(
-            f"{file}: {turning[0]} is in {({**found.units, **options.units})[turning[0]]}, the "
-            "turns of a wheel: --wheel-radius M tells how large it is"
-        )
-    radius = {n: options.wheel_radius or 1.0 for n in turning}
-    left, right = left * radius.get("left", 1.0), right * radius.get("right", 1.0)
+    told, sides = {**found.units, **options.units}, _in_units(table, kinds, options)
+    for k, name in enumerate(kinds):
+        if told.get(name) in TURN_RATE:
+            if options.wheel_radius is None:
+                raise DataError(
+                    f"{table.file}: {name} is in {told[name]}, the turns of a wheel: "
+                    "--wheel-radius M tells how large it is"
+                )
+            sides[k] = sides[k] * options.wheel_radius
+    left, right = sides
     both = np.column_stack([0.5 * (left + right), (right - left) / options.track])
-    return both, ("v", "omega"), ()
+    return both, ("v", "omega"), notes
 
 
-def _in_own_units(
-    columns: dict[str, Array], names: tuple[str, ...], found: Found, options: ReadOptions
-) -> list[Array]:
-    """Columns that become others, in the units that the user gave, or the header."""
-    units = parse_units({**found.units, **options.units})
-    return [units[n].apply(columns[n]) if n in units else columns[n] for n in names]
-
-
-def _read_npz(file: Path, options: ReadOptions, poses: bool) -> tuple[Found, dict[str, Array]]:
+def _read_npz(file: Path, options: ReadOptions, poses: bool) -> Table:
     """Columns from one array each."""
     try:
         names = read_npz(file, ())[1]
@@ -209,56 +249,188 @@ def _read_npz(file: Path, options: ReadOptions, poses: bool) -> tuple[Found, dic
     if len(set(shapes.values())) != 1 or len(shapes["t"]) != 1:
         raise DataError(f"{file}: expected one-dimensional arrays of one length, got {shapes}")
     if shapes["t"][0] > MAX_ROWS:
-        raise DataError(
-            f"{file}: more than {MAX_ROWS:,} rows; cut the log into files and join their datasets"
+        raise _too_long(file)
+    columns = {n: real_array(a, f"{file}: array {n}", DataError) for n, a in got.items()}
+    return Table(file, found, columns, lambda row: "arrays" if row < 0 else f"row {row}")
+
+
+def _too_long(file: Path) -> DataError:
+    return DataError(
+        f"{file}: more than {MAX_ROWS:,} rows; cut the log into files and join their datasets"
+    )
+
+
+# text
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the text of a table is to be read."""
+
+    header: list[str]
+    delimiter: str | None
+    """What parts the values of a line; None stands for blanks."""
+    skipped: int
+    """Lines before the first row."""
+    first: str
+    """The line that was taken for the first row if there is no header, or nothing."""
+    where: str
+    """What messages call the header."""
+
+    def is_row(self, line: str) -> bool:
+        """Whether a line holds values."""
+        remark = self.delimiter is None and line.lstrip().startswith("#")
+        return bool(line.strip()) and not remark
+
+
+def _values(line: str, delimiter: str | None) -> list[str]:
+    """Values of one line; quotes may hold delimiters."""
+    if delimiter is None:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # a value of more than 100,000 characters
+        return line.split(delimiter)
+
+
+def _read_text(file: Path, options: ReadOptions, poses: bool, tolerant: bool) -> Table:
+    """Read the columns; a table in which every value is a number takes a tenth of the time."""
+    with closing(text_lines(file, MAX_LINE)) as lines:
+        layout = _layout(file, lines)
+        found = find_columns(
+            file, layout.header, options.columns, layout.where, poses, options.units
         )
-    return found, {
-        name: real_array(array, f"{file}: array {name}", DataError) for name, array in got.items()
-    }
+        where, rows = partial(_line_of, file, layout), _rows(file, lines, layout)
+        if (first := next(rows, None)) is None:
+            return Table(file, found, {name: np.empty(0) for name in found.where}, where)
+        parsers = {p: parse_time if n == "t" else parse_number for n, p in found.where.items()}
+        try:
+            table = np.loadtxt(
+                chain([first], rows),
+                delimiter=layout.delimiter,
+                usecols=list(found.where.values()),
+                ndmin=2,
+                comments=None,
+                quotechar='"',
+                converters=dict(parsers.items()) if tolerant else None,
+                encoding="utf-8",
+            )
+        except DataError:
+            raise
+        except ValueError as error:
+            if not tolerant:
+                raise
+            raise DataError(f"{file}: {_bad_value(file, layout, found) or error}") from error
+    columns = dict(zip(found.where, table.T, strict=True))
+    told = {*found.units, *options.units}
+    if "t" not in told and np.median(columns["t"]) > EPOCH_NANOSECONDS:
+        found = replace(found, units={**found.units, "t": "ns"})
+    return Table(file, found, columns, where)
 
 
-def _check(
-    file: Path,
-    columns: dict[str, Array],
-    found: Found,
-    where: Callable[[int], str],
-    force: bool,
-) -> None:
-    """Refuse a table that no episode can be made of, with the line."""
-    if len(columns["t"]) < 2:
-        raise DataError(f"{file}: {len(columns['t'])} row(s); expected at least 2")
-    for name, column in columns.items():
-        si = next((unit for unit, size in KNOWN.get(name, {}).items() if size == 1.0), "")
-        unit = f" in {si}" if si and name not in found.units else ""
-        wrong = ~np.isfinite(column)
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            raise DataError(
-                f"{file}: {where(row)}, column {found.shown(name)}: "
-                f"expected a finite number{unit}, got {column[row]}"
-            )
-        wrong = np.abs(column) > LARGEST
-        if name != "t" and wrong.any():
-            row = int(np.argmax(wrong))
-            raise DataError(
-                f"{file}: {where(row)}, column {found.shown(name)}: "
-                f"expected at most {LARGEST:g}{unit.removeprefix(' in')}, got {column[row]}"
-            )
-    time = columns["t"]
-    back = np.diff(time) <= 0.0
-    if back.any() and not force:
-        row = int(np.argmax(back)) + 1
-        raise DataError(
-            f"{file}: {where(row)}, column {found.shown('t')}: time must grow, got "
-            f"{time[row]:.15g} s after {time[row - 1]:.15g} s; --force cuts the log there"
+def parse_number(text: str) -> float:
+    """Read a number as NumPy does; NaN if it is missing."""
+    bare = text.strip()
+    if bare.lower() in MISSING:
+        return float("nan")
+    if not _is_number(bare):
+        raise ValueError(bare)
+    return float(bare)
+
+
+def _is_number(text: str) -> bool:
+    """Whether NumPy reads it: Python takes 1_000 and other scripts' digits too."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text
+
+
+def parse_time(text: str) -> float:
+    """Read a number, or a date and a time as ISO 8601 has them, as seconds since 1970."""
+    try:
+        return parse_number(text)
+    except ValueError:
+        when = datetime.fromisoformat(text.strip())
+    # if no zone is given only differences count, and those of local clocks may jump by an hour
+    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def _layout(file: Path, lines: Iterator[str]) -> Layout:
+    """Read the header, or see that there is none because it is a TUM trajectory."""
+    for number in range(1, MAX_REMARKS + 1):
+        line = next(lines, "")
+        if len(line) >= MAX_HEADER or not line.strip():
+            what = "too long" if line.strip() else "blank" if line else ""
+            told = f"line {number} is {what}" if what else "empty file"
+            raise DataError(f"{file}: {told}; expected the header {','.join(COLUMNS)}")
+        for start, what in EXPORTS.items():
+            if number == 1 and line.startswith(start):
+                raise DataError(
+                    f"{file}: {what}, which holds no commands: write a CSV with the columns "
+                    "t,x,y,theta of its rows (t in s from frame and rate, theta the yaw), and give "
+                    "the commands by --commands FILE"
+                )
+        if len(values := line.split()) == len(TUM) and all(map(_is_number, values)):
+            return Layout(list(TUM), None, number - 1, line, f"line {number}")
+        if not line.lstrip().startswith("#") or HEADER.match(line.lstrip(" #%")):
+            text = line.strip("\r\n").lstrip(" #%")
+            most = max(DELIMITERS, key=text.count)
+            delimiter = most if most in text else None
+            names = [name.strip() for name in _values(text, delimiter)]
+            return Layout(names, delimiter, number, "", f"line {number}: header")
+    raise DataError(f"{file}: {MAX_REMARKS} lines of remarks; expected {','.join(COLUMNS)}")
+
+
+def _rows(file: Path, lines: Iterator[str], layout: Layout) -> Iterator[str]:
+    """Yield the lines that are not blank; each must have as many values as the header."""
+    width, delimiter, rows = len(layout.header), layout.delimiter, 0
+    begin = chain([layout.first], lines) if layout.first else lines
+    for number, line in enumerate(begin, layout.skipped + 1):
+        quoted = '"' in line
+        if quoted and line.count('"') % 2:
+            raise DataError(f"{file}: line {number}: a quote without its end")
+        if delimiter is None or quoted or line.count(delimiter) != width - 1:
+            if not layout.is_row(line):
+                continue
+            if (count := len(_values(line, delimiter))) != width:
+                raise DataError(
+                    f"{file}: line {number}: expected {width} values as in the header, got {count}"
+                )
+        rows += 1
+        if rows > MAX_ROWS:
+            raise _too_long(file)
+        yield line.replace(",", ".") if delimiter == ";" else line
+
+
+def _bad_value(file: Path, layout: Layout, found: Found) -> str | None:
+    """Find the first value that is no number: its line, column and text."""
+    with closing(text_lines(file, MAX_LINE)) as lines:
+        for number, line in islice(enumerate(lines, 1), layout.skipped, None):
+            values = _values(line, layout.delimiter)
+            for name, place in found.where.items() if line.strip() else ():
+                text = values[place].strip() if place < len(values) else ""
+                parse = parse_time if name == "t" else parse_number
+                try:
+                    parse(text.replace(",", ".") if layout.delimiter == ";" else text)
+                except ValueError:
+                    told = f"expected a number, got {short(text)!r}"
+                    return f"line {number}, column {found.shown(name)}: {told}"
+    return None
+
+
+def _line_of(file: Path, layout: Layout, row: int) -> str:
+    """Name a row as its file does: lines count from 1, with remarks, header and blank lines."""
+    if row < 0:
+        return layout.where
+    with closing(text_lines(file, MAX_LINE)) as lines:
+        numbers: Iterator[int] = (
+            number
+            for number, line in enumerate(lines, 1)
+            if number > layout.skipped and layout.is_row(line)
         )
-
-
-def _written_columns(episode: Episode) -> tuple[str, ...]:
-    """Names by which a table tells a car's log, and an omni's."""
-    *pose, v, omega = COLUMNS
-    aside = ("lateral",) * (episode.inputs.shape[1] - INPUTS)
-    return (*pose, v, *aside, CAR_OMEGA if episode.steered else omega)
+        return f"line {next(islice(numbers, row, None), row + 1 + layout.skipped)}"
 
 
 def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None:
@@ -273,7 +445,9 @@ def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None
         raise DataError(
             f"{file}: {rows:,} rows, a log holds at most {MAX_ROWS:,}: split the dataset"
         )
-    names = _written_columns(episodes[0])
+    *names, omega = COLUMNS
+    names += ["lateral"] * (episodes[0].inputs.shape[1] - INPUTS)
+    names.append(CAR_OMEGA if episodes[0].steered else omega)
     tables, start = [], 0.0
     for e in episodes:
         time = start + np.arange(len(e) + 1) * e.dt
@@ -282,19 +456,18 @@ def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None
     table = np.vstack(tables)
     try:
         with write_whole(file) as out:
-            if file.suffix.lower() == ".csv":
-                text = io.TextIOWrapper(out, "ascii", newline="")
-                writer = csv.writer(
-                    text, lineterminator="\n"
-                )  # floats with as few digits as bring them back exactly
-                writer.writerow(names)
-                for k in range(0, len(table), CHUNK):
-                    writer.writerows(table[k : k + CHUNK].tolist())
-                text.detach()
-            else:
+            if file.suffix.lower() == ".npz":
                 np.savez_compressed(
                     out, allow_pickle=False, **dict(zip(names, table.T, strict=True))
                 )
+                return
+            text = io.TextIOWrapper(out, "ascii", newline="")
+            # floats with as few digits as bring them back exactly
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(names)
+            for k in range(0, len(table), CHUNK):
+                writer.writerows(table[k : k + CHUNK].tolist())
+            text.detach()
     except (OSError, ValueError) as error:
         raise DataError(
             f"{file}: cannot write the log: {getattr(error, 'strerror', None) or error}"

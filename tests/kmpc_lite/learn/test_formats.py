@@ -126,7 +126,7 @@ def test_a_log_too_long_is_refused_before_it_fills_the_memory(
 ) -> None:
     path = write(tmp_path / "run.csv", HEADER, *GOOD)
     kl.Dataset.load(path).save(tmp_path / "run.npz")
-    for module in ("formats.tables", "formats.csv_table", "dataset"):
+    for module in ("formats.tables", "dataset"):
         monkeypatch.setattr(f"kmpc_lite.learn.{module}.MAX_ROWS", 5)
     assert "more than 5 rows" in refusal(path)
     assert "more than 5 rows" in refusal(tmp_path / "run.npz")

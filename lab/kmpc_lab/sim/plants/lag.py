@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lab.sim.plants.robots import DifferentialDrive, checked, drawn_slip, slipped_arc
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.scenario.values import Floor
 from kmpc_lite.types import INPUTS, STATES, Array
 

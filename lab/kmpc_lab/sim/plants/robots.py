@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import DataError, ProblemError
 from kmpc_lite.geometry import exact_arc
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.episode import Episode, check_time
+from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 from kmpc_lite.types import INPUTS, STATES, Array
 
 
