@@ -201,8 +201,6 @@ def describe(learned: Learned, told: list[str]) -> list[str]:
     ]
     if learned.facts:
         lines.append(format_summary(learned.facts))
-    if learned.noise is not None:
-        lines.append(str(learned.noise))
     errors = f"{learned.report}\nmargins: {tell_margins(learned)}"
     return [*lines, errors, format_making(info)]
 
@@ -297,14 +295,14 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
 def tell_margins(learned: Learned) -> str:
     """Tell how a model's margins were calibrated, and how much room they take."""
     from kmpc_lite.control.margins.margins import Margins
-    from kmpc_lite.learn.windows import largest_speeds
+    from kmpc_lite.learn.windows import largest_inputs
 
     model = learned.model
     if learned.uncalibrated:
         how = f"not calibrated, cautious ones will be used ({learned.uncalibrated})"
     else:
         how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
-    speed = largest_speeds(learned.held)[0]
+    speed = largest_inputs(learned.held.inputs)[0]
     # where the robot's size is unknown, the line says for which size it holds
     size = {"robot_radius": model.info["radius"]} if "radius" in model.info else {}
     problem = kl.NavigationProblem(dt=model.dt, **size)

@@ -16,19 +16,12 @@ from kmpc_lite.learn.stopping import STANDING, find_stops
 from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.types import Array
 
-TURNING = 0.3
-"""Share of the largest turn rate above which a robot is commanded to turn."""
-FAST = 0.6
-"""Share of the largest speed that parts slow driving from fast driving."""
-# how much a log must show of each way of driving
-WHOLE = 60.0
-"""Length of the log [s]."""
-DIRECTION = 4.0
-"""Driving in each direction, slowly and fast, and turning each way [s]."""
-COMBINATION = 2.0
-"""Turning each way while driving each way, and on the spot [s]."""
-STOPS = 2
-"""Stops from speed."""
+TURNING, FAST = 0.3, 0.6
+"""Share of the largest turn rate above which a robot is commanded to turn; of the largest speed
+that parts slow driving from fast driving."""
+WHOLE, DIRECTION, COMBINATION, STOPS = 60.0, 4.0, 2.0, 2.0
+"""How much a log must show: its length; driving in each direction, slowly and fast, and turning
+each way; turning each way while driving each way, and on the spot [s]; and stops from speed."""
 
 
 class Words(NamedTuple):
@@ -96,11 +89,6 @@ class Part(NamedTuple):
         return self.shown >= self.needed - 1e-6
 
     @property
-    def is_absent(self) -> bool:
-        """Whether there is so little of it that nothing is learned from it."""
-        return self.shown <= 0.1 * self.needed
-
-    @property
     def amount(self) -> str:
         """How much of how much."""
         unit = "" if self.name == "stops" else " s"
@@ -144,7 +132,7 @@ def _warning(part: Part, tightest: float) -> str:
     if part.name == "length":
         return f"only {part.shown:.0f} s were driven: drive for minutes"
     verb = WORDS[part.name].verb
-    if not part.is_absent:
+    if part.share > 0.1:
         return f"the log hardly {verb} ({part.amount})"
     if part.name == "on the spot":
         tight = f", nor tighter than on {tightest:.2g} m" if tightest > 0.0 else ""
@@ -190,8 +178,12 @@ def find_coverage(
         seconds = 2.0 * min(float(spot.sum()) * dt for spot in spots)
         parts.append(Part("on the spot", seconds, 2.0 * COMBINATION))
     stops = sum(len(find_stops(np.asarray(s)[:, 0], dt, fastest)) for s in stretches)
-    parts.append(Part("stops", float(stops), float(STOPS)))
-    return Coverage(tuple(parts), _tightest(v * fastest, omega * limits[2]))
+    parts.append(Part("stops", float(stops), STOPS))
+    turning, tightest = np.abs(omega) > TURNING * max(np.abs(omega).max(initial=0.0), 1e-9), 0.0
+    if turning.any():  # single rows left out
+        radii = np.abs(v[turning] * fastest / (omega[turning] * max(limits[2], 1e-9)))
+        tightest = float(np.quantile(radii, 0.02))
+    return Coverage(tuple(parts), tightest)
 
 
 def _driven(v: Array, omega: Array, reverses: bool) -> dict[str, Array]:
@@ -205,11 +197,3 @@ def _driven(v: Array, omega: Array, reverses: bool) -> dict[str, Array]:
         found[side] = rate > STANDING
         found |= {f"{way}, {side}": (rate > TURNING) & rows for way, rows in ways.items()}
     return found
-
-
-def _tightest(v: Array, omega: Array) -> float:
-    """Radius of the tightest turns, single rows left out [m]; 0 if nothing turns."""
-    turning = np.abs(omega) > TURNING * max(float(np.abs(omega).max(initial=0.0)), 1e-9)
-    if not turning.any():
-        return 0.0
-    return float(np.quantile(np.abs(v[turning] / omega[turning]), 0.02))

@@ -17,7 +17,10 @@ from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_like
 from kmpc_lite.model.ramps import Ramps
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import Array
+
+Errors = tuple[float, float, float]
+"""Along [m], across [m] and of the heading [rad], root mean square."""
 
 
 @dataclass(frozen=True)
@@ -28,14 +31,14 @@ class FitReport:
     """How far ahead the many-step errors look [s]."""
     starts: int
     """From how many poses."""
-    one_step: tuple[float, float, float]
+    one_step: Errors
     """Longitudinal [m], lateral [m], heading [rad], one period ahead; in the frame of the true
     starting pose."""
-    multi_step: tuple[float, float, float]
+    multi_step: Errors
     """The same after `horizon`."""
-    nominal_one_step: tuple[float, float, float]
+    nominal_one_step: Errors
     """The nominal unicycle, one period ahead."""
-    nominal_multi_step: tuple[float, float, float]
+    nominal_multi_step: Errors
     """The nominal unicycle after `horizon`."""
     rmse_percent: float
     """The paper's ``100 sqrt(mean |x - xhat|^2)`` of one period."""
@@ -91,41 +94,32 @@ def evaluate(
         )
     if stride != int(stride) or stride < 1:
         raise DataError(f"stride: expected a whole number >= 1, got {stride}")
-    stride, steps = int(stride), max(1, int(round(check_time("horizon", horizon) / model.dt)))
-    sums = [_squared_errors(model, dataset, length, stride) for length in (1, steps)]
-    if not sums[1].starts:
+    steps = max(1, int(round(check_time("horizon", horizon) / model.dt)))
+    one, many = (_errors(model, dataset, length, int(stride)) for length in (1, steps))
+    if not many.starts:
         longest = max(len(e) for e in dataset.episodes) * dataset.dt
         raise DataError(
             f"no held-out episode is as long as {horizon:g} s "
             f"plus an input history of {model.history} steps (longest {longest:g} s)"
         )
-    one, many = sums
-    return FitReport(
-        steps * model.dt,
-        many.starts,
-        as_triple(one.model),
-        as_triple(many.model),
-        as_triple(one.nominal),
-        as_triple(many.nominal),
-        100 * one.state,
-    )
+    ahead, paper = steps * model.dt, 100 * one.state
+    return FitReport(ahead, many.starts, one.model, many.model, one.nominal, many.nominal, paper)
 
 
-class _Errors(NamedTuple):
-    """Root mean squares of errors after some steps."""
+class _Found(NamedTuple):
+    """Errors after some steps."""
 
-    model: Array
-    """Along, across, heading, (3,)."""
-    nominal: Array
+    model: Errors
+    nominal: Errors
     state: float
     """Of the model, over all three together."""
     starts: int
 
 
-def _squared_errors(model: KoopmanModel, dataset: Dataset, steps: int, stride: int) -> _Errors:
+def _errors(model: KoopmanModel, dataset: Dataset, steps: int, stride: int) -> _Found:
     """Errors of a model, and of the nominal robot, after some steps from each start."""
     nominal, passed = nominal_like(model), let_through(dataset, Ramps.of(model.info))
-    sums, total, count = np.zeros((2, 3)), 0.0, 0
+    sums, count = np.zeros((3, 3)), 0
     # a model may diverge far from its data: then its error is infinite, and no warning is due
     with np.errstate(over="ignore", invalid="ignore"):
         for told, driven in zip(
@@ -136,19 +130,16 @@ def _squared_errors(model: KoopmanModel, dataset: Dataset, steps: int, stride: i
             start, end = told.states[:, 0], told.states[:, -1]
             ours = model.rollout(start, driven.inputs, driven.before)[:, -1] - end
             theirs = nominal.rollout(start, told.inputs)[:, -1] - end
-            for sum_, error in zip(sums, (ours, theirs), strict=True):
-                sum_ += np.sum(seen_along(error, start[:, 2]) ** 2, axis=0)
-            total += float(np.sum(ours**2))
+            seen = seen_along(ours, start[:, 2]), seen_along(theirs, start[:, 2]), ours
+            sums += np.array([np.sum(error**2, axis=0) for error in seen])
             count += len(start)
-    most = max(count, 1)
-    ours, theirs = np.sqrt(np.where(np.isnan(sums), np.inf, sums) / most)
-    return _Errors(
-        ours, theirs, float(np.sqrt((np.inf if np.isnan(total) else total) / most)), count
-    )
+        means = np.where(np.isnan(sums), np.inf, sums) / max(count, 1)
+        rms = np.sqrt(means)
+    return _Found(_triple(rms[0]), _triple(rms[1]), float(np.sqrt(means[2].sum())), count)
 
 
-def as_triple(errors: Array) -> tuple[float, float, float]:
-    """Errors (3,) along [m], across [m] and of the heading [rad] as plain numbers."""
+def _triple(errors: Array) -> Errors:
+    """Errors (3,) as plain numbers."""
     along, across, heading = errors.tolist()
     return along, across, heading
 
@@ -163,17 +154,15 @@ class ModelVerdict(Enum):
     SHORT = "was driven too little to tell"
 
 
-HORIZON = 1.0
-"""How far ahead is predicted [s]; windows do not overlap."""
-FEWEST = 10
-"""Windows of driving from which on there is a verdict."""
+HORIZON, FEWEST = 1.0, 10
+"""How far ahead is predicted [s], in windows that do not overlap; windows of driving from which on
+there is a verdict."""
 SURE = 3.0
 """Standard errors by which one must predict better, in one direction at least, while the other
 does so in none."""
-ALIKE = 0.3
-"""Predictions that differ by less than this share of what both err are alike."""
-MOVING = 0.1
-"""Share of the largest commands below which a window counts as standing."""
+ALIKE, MOVING = 0.3, 0.1
+"""Predictions that differ by less than this share of what both err are alike; share of the largest
+commands below which a window counts as standing."""
 
 
 @dataclass(frozen=True)
@@ -182,10 +171,9 @@ class Comparison:
 
     verdict: ModelVerdict
     windows: int
-    errors: tuple[float, float, float]
-    """Along [m], across [m], heading [rad], root mean square."""
-    nominal: tuple[float, float, float]
-    """The same of the nominal robot."""
+    errors: Errors = (0.0, 0.0, 0.0)
+    nominal: Errors = (0.0, 0.0, 0.0)
+    """Of the nominal robot."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -211,40 +199,31 @@ def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     episodes : sequence of Episode
         The drive, at the model's period.
     """
-    starts, past, commands, ends = _driven(model, episodes)
-    none = (0.0, 0.0, 0.0)
+    if not episodes:
+        return Comparison(ModelVerdict.SHORT, 0)
+    steps, drives = max(1, round(HORIZON / model.dt)), Dataset(episodes)
+    states, before, inputs = drives.every_piece(steps, model.history, stride=steps)
+    largest = np.maximum(np.abs(drives.inputs).max(axis=0), 1e-9)
+    moving = (np.abs(inputs).mean(axis=1) / largest).max(axis=1) > MOVING
+    starts, ends, inputs = states[moving, 0], states[moving, -1], inputs[moving]
     if len(starts) < FEWEST:
-        return Comparison(ModelVerdict.SHORT, len(starts), none, none)
-    nominal = nominal_like(model)
+        return Comparison(ModelVerdict.SHORT, len(starts))
     with np.errstate(over="ignore", invalid="ignore"):  # a model may diverge: it is worse then
-        predicted = model.rollout(starts, commands, past if model.history else None)[:, -1]
-        plain = nominal.rollout(starts, commands)[:, -1]
+        past = before[moving] if model.history else None
+        predicted = model.rollout(starts, inputs, past)[:, -1]
+        plain = nominal_like(model).rollout(starts, inputs)[:, -1]
         ours, theirs, apart = (
             seen_along(d, starts[:, 2]) for d in (predicted - ends, plain - ends, predicted - plain)
         )
-        rms = [np.sqrt(np.mean(e**2, axis=0)) for e in (ours, theirs, apart)]
-    found = (len(starts), as_triple(rms[0]), as_triple(rms[1]))
-    if not np.isfinite(rms[0]).all():
-        return Comparison(ModelVerdict.WORSE, *found)
+        own, nominal, between = (np.sqrt(np.mean(e**2, axis=0)) for e in (ours, theirs, apart))
     # of each window and direction a share, so that a few large errors do not decide alone
     worse = (ours**2 - theirs**2) / np.maximum(ours**2 + theirs**2, 1e-18)
-    mean = worse.mean(axis=0)
-    least = SURE * worse.std(axis=0, ddof=1) / np.sqrt(len(worse))
-    is_worse = bool(np.any((mean > least) & (rms[0] > rms[1])))
-    if np.any((mean < -least) & (rms[0] < rms[1])) and not is_worse:
-        return Comparison(ModelVerdict.BETTER, *found)
-    if bool(np.all(rms[2] <= ALIKE * np.minimum(rms[0], rms[1]) + 1e-9)):
-        return Comparison(ModelVerdict.ALIKE, *found)
-    return Comparison(ModelVerdict.WORSE if is_worse else ModelVerdict.UNSURE, *found)
-
-
-def _driven(model: KoopmanModel, episodes: Sequence[Episode]) -> tuple[Array, Array, Array, Array]:
-    """First poses (n, 3), commands before (n, L, 2), commands (n, T, 2) and last poses (n, 3)."""
-    steps, history = max(1, round(HORIZON / model.dt)), model.history
-    if not episodes:
-        return np.zeros((0, STATES)), *np.zeros((2, 0, 1, INPUTS)), np.zeros((0, STATES))
-    drives = Dataset(episodes)
-    largest = np.maximum(np.max([np.abs(e.inputs).max(axis=0) for e in episodes], axis=0), 1e-9)
-    states, before, inputs = drives.every_piece(steps, history, stride=steps)
-    moving = (np.abs(inputs).mean(axis=1) / largest).max(axis=1) > MOVING
-    return states[moving, 0], before[moving], inputs[moving], states[moving, -1]
+    mean, least = worse.mean(axis=0), SURE * worse.std(axis=0, ddof=1) / np.sqrt(len(worse))
+    diverges = not np.isfinite(own).all()
+    is_worse = diverges or bool(np.any((mean > least) & (own > nominal)))
+    found = ModelVerdict.WORSE if is_worse else ModelVerdict.UNSURE
+    if not is_worse and np.any((mean < -least) & (own < nominal)):
+        found = ModelVerdict.BETTER
+    elif not diverges and bool(np.all(between <= ALIKE * np.minimum(own, nominal) + 1e-9)):
+        found = ModelVerdict.ALIKE
+    return Comparison(found, len(starts), _triple(own), _triple(nominal))

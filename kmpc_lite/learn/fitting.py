@@ -1,4 +1,4 @@
-"""From a log to a model."""
+"""From driving to a bilinear Koopman model."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import Literal
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.lag import aligned, mean_delay
-from kmpc_lite.learn.least_squares import wants_symmetry
 from kmpc_lite.learn.noise import fit_noise, with_noise
-from kmpc_lite.learn.regression import Accumulator, Method
+from kmpc_lite.learn.regression import Accumulator, Method, wants_symmetry
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import UNMODELLED_DELAY
+
+Lags = Literal["auto"] | Sequence[int] | None
 
 
 def fit(
@@ -24,7 +25,7 @@ def fit(
     ridge: float = 0.0,
     noise: bool = True,
     symmetric: bool | None = None,
-    lags: Literal["auto"] | Sequence[int] | None = None,
+    lags: Lags = None,
     ramps: bool = True,
     whole: Dataset | None = None,
     stay: Collection[int] = (),
@@ -49,7 +50,6 @@ def fit(
         still at zero command: two rows for the motion and one for the turn instead of a matrix for
         every lifted coordinate. True for ``"integral"`` if not given, as far as the dictionary
         holds 1, cos(theta) and sin(theta); ``"edmdc"`` is never symmetric.
-
     lags : "auto" or sequence of int, optional
         ``"auto"`` finds out what the log supports, in each direction: how late the robot answers,
         how it slips, or nothing at all (`learn.selection`); then the robot that obeys its commands
@@ -59,7 +59,7 @@ def fit(
         beside the model: the controller brings poses forward by it.
     ramps : bool
         Whether, together with lags that are chosen, ramps are looked for by which the robot changes
-        its speeds (`learn.lag`): then the model is one of commands as they let them through, and
+        its speeds (`learn.ramps`): then the model is one of commands as they let them through, and
         the controller asks for no faster changes.
     whole : Dataset, optional
         The log of which `dataset` is a part: lags and terms are chosen on all of it, and fitted to
@@ -107,38 +107,10 @@ def fit(
                 "lags='auto' goes with the symmetric integral fit, without a ridge and with a "
                 "dictionary that knows no history itself"
             )
-        # here, for a robot that drives needs none of it
-        from kmpc_lite.learn.checks import refuse_car_like, refuse_frozen
-        from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
-        from kmpc_lite.learn.selection import build_model, select
-
-        if ramps:
-            found = find_ramps(dataset)
-            seen = let_through(dataset, found)
-            log = None if whole is None else let_through(whole, found)
-            model = fit(seen, lifting, method, 0.0, noise, True, lags, False, log, stay)
-            return with_ramps(model, dataset, found)
-        refuse_frozen(dataset)
-        refuse_car_like(dataset)
-        model = build_model(select(dataset, whole, stay), lifting, dataset.dt)
-        return with_noise(model, dataset) if noise else model
+        return _fit_chosen(dataset, lifting, noise, ramps, whole, stay)
     if lags is not None:
         lifting = InputHistoryDictionary(lifting, tuple(lags))
-    return _fit_once(dataset, lifting, method, ridge, noise, symmetric)
-
-
-def _fit_once(
-    dataset: Dataset,
-    lifting: Dictionary,
-    method: Method,
-    ridge: float,
-    noise: bool,
-    symmetric: bool,
-) -> KoopmanModel:
-    """Fit a dictionary as it is."""
-    delay = 0.0
-    if symmetric and not lifting.history:
-        delay = mean_delay(dataset)
+    delay = mean_delay(dataset) if symmetric and not lifting.history else 0.0
     seen = aligned(dataset, delay) if delay else dataset
     model: KoopmanModel | None = None
     for _ in range(2 if method == "integral" else 1):
@@ -154,3 +126,28 @@ def _fit_once(
     # period do not tell those that last
     lasts = delay or (symmetric and model.history)
     return with_noise(model, seen) if lasts else replace(model, noise_model=fit_noise(model, seen))
+
+
+def _fit_chosen(
+    dataset: Dataset,
+    base: Dictionary,
+    noise: bool,
+    ramps: bool,
+    whole: Dataset | None,
+    stay: Collection[int],
+) -> KoopmanModel:
+    """Fit what the log supports, behind the ramps that it shows."""
+    # here, for a robot that drives needs none of it
+    from kmpc_lite.learn.checks import refuse_car_like, refuse_frozen
+    from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
+    from kmpc_lite.learn.selection import build_model, select
+
+    if ramps:
+        found = find_ramps(dataset)
+        log = None if whole is None else let_through(whole, found)
+        model = _fit_chosen(let_through(dataset, found), base, noise, False, log, stay)
+        return with_ramps(model, dataset, found)
+    refuse_frozen(dataset)
+    refuse_car_like(dataset)
+    model = build_model(select(dataset, whole, stay), base, dataset.dt)
+    return with_noise(model, dataset) if noise else model

@@ -6,36 +6,21 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
-from kmpc_lite.learn.checks import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
-from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
+from kmpc_lite.learn.fitting import Lags, fit
+from kmpc_lite.learn.noise import with_noise
 from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method
-from kmpc_lite.learn.selection import (
-    ACROSS,
-    ALONG,
-    HEADING,
-    NAMES,
-    NOMINAL,
-    learned_axes,
-)
-from kmpc_lite.learn.verdict import (
-    BETTER,
-    DIRECTIONS,
-    WORSE,
-    describe_fit,
-    summarize_fit,
-    times,
-)
+from kmpc_lite.learn.selection import ACROSS, ALONG, HEADING, NAMES, NOMINAL, learned_axes
+from kmpc_lite.learn.verdict import BETTER, DIRECTIONS, WORSE, describe_fit, find_gains, times
 from kmpc_lite.model.dictionary import (
     Dictionary,
     HermiteTrigDictionary,
@@ -50,10 +35,9 @@ GAINS = (0.1, 10.0)
 """Between which the gains of robots lie, sluggish ones and those commanded by shares among them."""
 SURE = 2.0
 """Standard errors by which a direction must be worse than the nominal robot's to stay nominal."""
-FEWEST_EPISODES = 10
-"""A log of fewer episodes is cut into windows before it is split."""
-WINDOW, WINDOW_STEPS = 5.0, 50
-"""Length of such a window: so long [s], or so many periods if that is longer."""
+FEWEST_EPISODES, WINDOW, WINDOW_STEPS = 10, 5.0, 50
+"""A log of fewer episodes is cut into windows before it is split: so long [s], or so many periods
+if that is longer."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +47,9 @@ class LearningOptions:
     dictionary: Dictionary = HermiteTrigDictionary(order=0)
     """How the pose is lifted; the default is the same wherever the robot is."""
     method: Method = "integral"
-    """As `fit` takes it."""
     symmetric: bool | None = None
-    """As `fit` takes it."""
-    lags: Literal["auto"] | Sequence[int] | None = "auto"
-    """As `fit` takes them."""
+    lags: Lags = "auto"
+    """These three as `fit` takes them."""
     holdout: float = 0.5
     """Share of the episodes that is kept for the check."""
     horizon: float = 1.0
@@ -94,8 +76,6 @@ class Learned:
     """Why its margins are not calibrated; empty where they are."""
     facts: Mapping[str, Any]
     """What was found out about the robot; empty if no lags were given or looked for."""
-    noise: NoiseCheck | None
-    """How the noise that was learned compares with the held-out errors; None without `facts`."""
 
 
 def learn(
@@ -126,16 +106,24 @@ def learn(
         If the log is too short to split, or cannot determine a model.
     """
     options = LearningOptions() if options is None else options
+    # before the log is cut: a piece does not tell how fast the robot drives where it begins, and
+    # half of the turns on the spot may be too few to tell
+    log, ramps = data, Ramps.of({})
     if options.lags:
-        refuse_car_like(data)  # half of the turns on the spot may be too few to tell
-    # before the log is cut: a piece does not tell how fast the robot drives where it begins
-    log, ramps = data, find_ramps(data) if options.lags else Ramps.of({})
+        from kmpc_lite.learn.checks import refuse_car_like
+
+        refuse_car_like(data)
+        ramps = find_ramps(data)
     data = let_through(log, ramps)
     train, held = split_log(data, logs, options.holdout, options.seed)
+    dictionary = options.dictionary
+    if dictionary.commands != data.commands:
+        config = {**dictionary_to_config(dictionary), "commands": data.commands}
+        dictionary = dictionary_from_config(config)
     fitted = partial(
         fit,
         train,
-        _for_commands(options.dictionary, data.commands),
+        dictionary,
         options.method,
         symmetric=options.symmetric,
         lags=options.lags,
@@ -150,12 +138,10 @@ def learn(
         model = fitted(stay=stays)
         report = evaluate(model, held, options.horizon)
     facts: dict[str, Any] = {}
-    noise = None
     if "selection" in model.info:
-        facts = dict(describe_fit(model, train, data, report))
+        facts = describe_fit(model, train, data, report)
         facts["stays_nominal"] = [stays[which] for which in sorted(stays)]
         facts["braking_distance"] += float(facts["largest"]["v"] ** 2 / (2.0 * ramps.slower[0]))
-        noise = check_sources(model, held)
     uncalibrated = ""
     try:
         model = with_quantiles(model, held)
@@ -163,17 +149,14 @@ def learn(
         uncalibrated = str(error)
         if facts and learned_axes(model).any():
             model = with_noise(model, data)  # what calibrates nothing tells of the noise, too
-        elif facts:
-            # what lags and slips it has not shown would be taken for noise
-            model, noise = replace(model, noise_model=None), None
-    if noise is not None:
-        facts["noise"] = noise.as_dict()
+        elif facts:  # what lags and slips it has not shown would be taken for noise
+            model = replace(model, noise_model=None)
     if options.lags:
         model = with_ramps(model, log, ramps)
     limits = {name: model.info[name] for name in ("ramps", "changes") if name in model.info}
     made = {**describe_making(model, logs, data, vehicle=vehicle), **limits, **(shape or {})}
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
-    return Learned(model, train, held, report, made, uncalibrated, facts, noise)
+    return Learned(model, train, held, report, made, uncalibrated, facts)
 
 
 def _worst(
@@ -197,53 +180,34 @@ def _worst(
     )
     lost = ours - theirs
     error = lost.std(axis=0, ddof=1) / np.sqrt(len(lost)) if len(lost) > 1 else np.zeros(STATES)
-    known = summarize_fit(model, held)
+    known = find_gains(model, held)
     gains = {HEADING: known["turn_gain"], ALONG: known["speed_gain"]}
     for which in (HEADING, ALONG, ACROSS):
-        gain = gains.get(which, 1.0)
-        if which not in stays and not GAINS[0] < gain < GAINS[1]:
-            how = f"a gain of {gain:.3g} fits, which no robot has: the log does not tell it"
-            return {which: f"{DIRECTIONS[which]} ({how})"}
-        ratio = report.multi_step[which] / max(report.nominal_multi_step[which], 1e-12)
-        if which in stays or ratio <= WORSE:
+        gain, told = gains.get(which, 1.0), DIRECTIONS[which]
+        if which in stays:
             continue
-        if ratio <= BETTER and not lost.mean(axis=0)[which] > SURE * error[which]:
-            continue  # by so little, and not surely
-        if model.info["selection"]["directions"][NAMES[which]]["step"] != NOMINAL:
-            how = f"{times(ratio)} times worse on held-out rows as fitted"
-            return {which: f"{DIRECTIONS[which]} ({how})"}
+        if not GAINS[0] < gain < GAINS[1]:
+            how = f"a gain of {gain:.3g} fits, which no robot has: the log does not tell it"
+            return {which: f"{told} ({how})"}
+        ratio = report.multi_step[which] / max(report.nominal_multi_step[which], 1e-12)
+        by_little = ratio <= BETTER and not lost.mean(axis=0)[which] > SURE * error[which]
+        step = model.info["selection"]["directions"][NAMES[which]]["step"]
+        if ratio > WORSE and not by_little and step != NOMINAL:
+            return {which: f"{told} ({times(ratio)} times worse on held-out rows as fitted)"}
     return {}
-
-
-def _for_commands(dictionary: Dictionary, count: int) -> Dictionary:
-    """A dictionary for commands of so many numbers."""
-    if dictionary.commands == count:
-        return dictionary
-    return dictionary_from_config({**dictionary_to_config(dictionary), "commands": count})
 
 
 def split_log(
     data: Dataset, logs: Sequence[Path], holdout: float, seed: int
 ) -> tuple[Dataset, Dataset]:
-    """Split a log into what is learned from and what is checked on.
+    """Split a log into what is learned from, and the share of its episodes that is checked on.
 
     One of few episodes is cut into windows before.
-
-    Parameters
-    ----------
-    data : Dataset
-        The whole log.
-    logs : sequence of Path
-        Its files, for messages.
-    holdout : float
-        Share of the episodes that is kept for the check.
-    seed : int
-        Of the split.
 
     Raises
     ------
     DataError
-        If it is too short.
+        If it is too short; names its files.
     """
     if len(data) < FEWEST_EPISODES:
         data = data.windows(max(WINDOW, WINDOW_STEPS * data.dt))

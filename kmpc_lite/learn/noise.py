@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
 from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.least_squares import least_squares, nonnegative_least_squares
+from kmpc_lite.learn.regression import least_squares
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
 from kmpc_lite.types import STATES, Array
 
-NOISE_SAMPLES = 250_000
-"""Most residuals that the covariance is estimated from: its relative error is then below 1 %."""
-NOISE_SWEEPS = 500
-"""Passes over its three matrices, at most; ten to fifty do."""
+NOISE_SAMPLES, NOISE_SWEEPS = 250_000, 500
+"""Most residuals that the covariance is estimated from: its relative error is then below 1 %;
+passes over its three matrices, at most: ten to fifty do."""
+LONGEST = 1.0
+"""How far ahead predictions are compared with poses [s]: later than that, feedback has acted."""
+STARTS, FEWEST, PASSES = 6000, 20, 6
+"""Largest number of predictions that are used, and least; passes of the weighted least squares."""
+
+
+def with_noise(model: KoopmanModel, dataset: Dataset) -> KoopmanModel:
+    """Return a model with the covariance and the noise sources that drives show."""
+    found = fit_noise(model, dataset)
+    return replace(model, noise_model=replace(found, sources=split_noise_sources(model, dataset)))
 
 
 def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
@@ -38,17 +46,8 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
         gram += terms.T @ terms
         moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)
     weights, _, _ = least_squares(gram, moments, 0.0)
-    return NoiseModel(
-        _nearest_covariances(
-            gram, moments.reshape(3, STATES, STATES), weights.T.reshape(3, STATES, STATES)
-        )
-    )
-
-
-def with_noise(model: KoopmanModel, dataset: Dataset) -> KoopmanModel:
-    """Return a model with the covariance and the noise sources that drives show."""
-    found = fit_noise(model, dataset)
-    return replace(model, noise_model=replace(found, sources=split_noise_sources(model, dataset)))
+    start, goal = (m.reshape(3, STATES, STATES) for m in (weights.T, moments))
+    return NoiseModel(_nearest_covariances(gram, goal, start))
 
 
 def _nearest_covariances(gram: Array, moments: Array, start: Array) -> Array:
@@ -76,19 +75,6 @@ def _semidefinite(matrix: Array) -> Array:
     return product
 
 
-LONGEST = 1.0
-"""How far ahead predictions are compared with poses [s]: later than that, feedback has acted."""
-STARTS = 6000
-"""Largest number of predictions that are used."""
-ELLIPSE, ONE_SIDED = 5.991, 1.645
-"""Squared radius of the ellipse that holds 95 % of a normal distribution in the plane, and the
-bound that 95 % of one on a line stay below."""
-AHEAD = 0.5
-"""How far ahead predictions are compared with what is expected of them [s]."""
-PASSES = 6
-"""Passes of the weighted least squares."""
-
-
 def prediction_errors(
     model: KoopmanModel, dataset: Dataset, seconds: float = LONGEST
 ) -> tuple[Array, Array]:
@@ -97,7 +83,7 @@ def prediction_errors(
     Returns
     -------
     errors, inputs : ndarray
-        (n, T, 3) [m, m, rad] and (n, T, 2); n may be zero.
+        (n, T, 3) [m, m, rad] and (n, T, m); n may be zero.
     """
     steps = max(2, round(seconds / dataset.dt))
     x, before, future = dataset.every_piece(steps, model.history, most=STARTS)
@@ -107,74 +93,10 @@ def prediction_errors(
     return seen_along(x[:, 1:] - predicted, predicted[..., 2]), future
 
 
-@dataclass(frozen=True)
-class NoiseCheck:
-    """Errors of predictions on held-out drives, and what the sources of a model's noise expect."""
-
-    ahead: float
-    """How far ahead [s]."""
-    error: float
-    """Root mean square of the position's error [m]."""
-    expected: float
-    """The same, as the noise sources predict it [m]."""
-    coverage: float
-    """Share of the positions within the ellipses that should hold 95 %."""
-    across: float
-    """95 % bound of the true pose's lateral error, `ahead` later, straight on at 1 m/s [m]."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
-
-    def __str__(self) -> str:
-        """In one line."""
-        return (
-            f"noise  {self.ahead:g} s ahead the position errs by {100 * self.error:.1f} cm, "
-            f"{100 * self.expected:.1f} cm are expected; ellipses of 95 % hold "
-            f"{100 * self.coverage:.1f} %; 95 % bound across at 1 m/s {100 * self.across:.1f} cm"
-        )
-
-
-def check_sources(model: KoopmanModel, held: Dataset) -> NoiseCheck | None:
-    """Compare a model's noise sources with errors on drives that they were not fitted to.
-
-    Parameters
-    ----------
-    model : KoopmanModel
-        With noise sources; without, None is returned, as when no drive is long enough.
-    held : Dataset
-        Drives that nothing was fitted to; their poses' own noise is accounted for.
-    """
-    errors, inputs = prediction_errors(model, held, 2.0 * AHEAD)
-    sources = None if model.noise_model is None else model.noise_model.sources
-    if sources is None or not len(errors):
-        return None
-    k = max(1, round(AHEAD / held.dt)) - 1
-    position = errors[:, k, :2] ** 2
-    expected = sources.open_loop(inputs, held.dt)[:, k, :2]
-    straight = np.tile([1.0, 0.0], (k + 1, 1))
-    alone = sources.open_loop(straight, held.dt, measured=False)[k, 1]
-    return NoiseCheck(
-        AHEAD,
-        float(np.sqrt(position.sum(axis=1).mean())),
-        float(np.sqrt(expected.sum(axis=1).mean())),
-        float(((position / np.maximum(expected, 1e-18)).sum(axis=1) < ELLIPSE).mean()),
-        float(ONE_SIDED * np.sqrt(alone)),
-    )
-
-
 def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources | None:
-    """Fit the sources of a model's errors; None if no drive is long enough.
-
-    Parameters
-    ----------
-    model : KoopmanModel
-        Predicts.
-    dataset : Dataset
-        Drives with measured poses.
-    """
+    """Fit the sources of a model's errors on drives; None if no drive is long enough."""
     errors, inputs = prediction_errors(model, dataset)
-    if len(errors) < 20:
+    if len(errors) < FEWEST:
         return None
     own, led = design(inputs, dataset.dt), design_across(inputs, dataset.dt)
     heading = _variances(own, errors[..., 2] ** 2)
@@ -187,18 +109,19 @@ def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources |
 
 
 def _variances(terms: Array, squares: Array) -> Array:
-    """Variances (m,) that explain squared errors (n, T) by terms (n, T, m)."""
+    """Variances (m,), none negative, that explain squares (n, T) by terms (n, T, m)."""
+    from scipy.optimize import nnls  # here, for it takes time to import
+
     # sums over starts would mix slow and fast driving: each square is one row
     matrix, target = terms.reshape(-1, terms.shape[-1]), squares.reshape(-1)
-    weights = np.ones(len(target))
-    found = np.zeros(matrix.shape[1])
+    weights, found = np.ones(len(target)), np.zeros(matrix.shape[1])
     for _ in range(PASSES):
         weighted = matrix * weights[:, None]
         scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
         small = weighted / scale
-        gram = small.T @ small + 1e-12 * np.eye(len(scale))
-        root = np.linalg.cholesky(gram).T
-        found = nonnegative_least_squares(root, small.T @ (target * weights)) / scale
+        # a root of the Gram matrix: a few rows take the place of many thousand
+        root = np.linalg.cholesky(small.T @ small + 1e-12 * np.eye(len(scale))).T
+        found = nnls(root, np.linalg.solve(root.T, small.T @ (target * weights)))[0] / scale
         expected = matrix @ found
         weights = 1.0 / (expected + 0.02 * expected.mean() + 1e-15)
     return found

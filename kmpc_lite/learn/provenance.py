@@ -23,10 +23,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.reading import text_lines
 from kmpc_lite.types import INPUTS
 
-REMARK = "# vehicle "
-"""What a log's first line begins with where its recorder knew the vehicle; JSON follows."""
-LONGEST = 4096
-"""Characters of the longest such line."""
+REMARK, LONGEST = "# vehicle ", 4096
+"""What a log's first line begins with where its recorder knew the vehicle, JSON follows; characters
+of the longest such line."""
 ROLLS = 1e-3
 """Speed below which a command tells no curvature [m/s]."""
 SHOWN = 0.5
@@ -56,13 +55,10 @@ def describe_making(
         "log": [str(file) for file in logs],
         "driven": driven_speeds(data),
         "stopping": measure_stopping(model, data).as_dict(),
+        "wheels": describe_wheels(data),
     }
-    if data.steered:
-        made["steered"] = True
-    made["wheels"] = describe_wheels(data)
-    if data.geometry:
-        made["geometry"] = data.geometry
-    return {**made, "vehicle": dict(vehicle)} if vehicle else made
+    more = {"steered": data.steered, "geometry": data.geometry, "vehicle": dict(vehicle or {})}
+    return {**made, **{name: value for name, value in more.items() if value}}
 
 
 def describe_wheels(data: Dataset) -> dict[str, Any]:
@@ -71,9 +67,8 @@ def describe_wheels(data: Dataset) -> dict[str, Any]:
         return {"kind": "omni"}
     if not data.steered:
         return {"kind": "differential"}
-    v, omega = data.inputs.T
-    rolls = np.abs(v) > ROLLS
-    sharpest = float(np.max(np.abs(omega[rolls] / v[rolls]), initial=0.0))
+    v, omega = data.inputs[np.abs(data.inputs[:, 0]) > ROLLS].T
+    sharpest = float(np.max(np.abs(omega / v), initial=0.0))
     radius = {"turning_radius": round(1.0 / sharpest, 6)} if sharpest > 0.0 else {}
     return {"kind": "car", **radius}
 
@@ -84,13 +79,11 @@ def driven_speeds(data: Dataset) -> dict[str, float]:
     Of an omni to its sides, too.
     """
     rows = min(data.steps, max(1, ceil(SHOWN / data.dt)))
-
-    def held(values: Any) -> float:
-        return max(0.0, float(np.sort(values)[-rows]))
-
     v, *aside, omega = data.inputs.T
-    sideways = {"sideways": held(np.abs(aside[0]))} if aside else {}
-    return {"forward": held(v), "reverse": held(-v), "turn": held(np.abs(omega)), **sideways}
+    shown = {"forward": v, "reverse": -v, "turn": np.abs(omega)}
+    if aside:
+        shown["sideways"] = np.abs(aside[0])
+    return {name: max(0.0, float(np.sort(values)[-rows])) for name, values in shown.items()}
 
 
 def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, Any] | None:
@@ -111,19 +104,15 @@ def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, An
     found: dict[str, Any] = {}
     first = None
     for file in find_logs(files):
-        said = _remark(file)
-        if said is None:
+        if (said := _remark(file)) is None:
             continue
         if first is not None and (different := differences(found, said)):
             raise DataError(
                 f"{file}: of another vehicle than {first}: {'; '.join(different)}; one model is "
                 "learned from logs of one vehicle"
             )
-        first = file if first is None else first
-        found = {**said, **found}
-    if name is not None:
-        found["name"] = name
-    return found or None
+        first, found = first or file, {**said, **found}
+    return {**found, **({} if name is None else {"name": name})} or None
 
 
 def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
@@ -137,9 +126,8 @@ def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
 
 def _same(one: Any, other: Any) -> bool:
     """Whether two values are the same; numbers to a thousandth."""
-    numbers = [float(x) for x in (one, other) if isinstance(x, int | float)]
-    if len(numbers) == 2:
-        return abs(numbers[0] - numbers[1]) <= 1e-3 * max(map(abs, numbers))
+    if isinstance(one, int | float) and isinstance(other, int | float):
+        return abs(one - other) <= 1e-3 * max(abs(one), abs(other))
     return bool(one == other)
 
 

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.ladders import CAR, DIFFERENTIAL, OMNI, Ladder
 from kmpc_lite.learn.lag import (
     AT_ONCE,
     CHANCE,
@@ -27,20 +26,20 @@ from kmpc_lite.learn.lag import (
     find_response,
     gain_score,
 )
-from kmpc_lite.learn.least_squares import symmetric_generator
+from kmpc_lite.learn.regression import symmetric_generator
 from kmpc_lite.learn.windows import (
     Moments,
     Rows,
     Windows,
     cut,
-    largest_speeds,
+    largest_inputs,
     moments,
     nominal_rows,
     squared_errors,
 )
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.dictionary.response import ResponseDictionary
-from kmpc_lite.model.dictionary.terms import terms_of
+from kmpc_lite.model.dictionary.terms import OMNI_TERMS, TERMS, terms_of
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -64,6 +63,70 @@ BOTH_WAYS = 0.1
 """Share of a log that drives forward, and back, from which on it may show a gain for each."""
 RIDGE = 1e-9
 """Share of the scaled moments' diagonals that is added to them."""
+
+
+Ladder = dict[str, tuple[int, ...]]
+"""Steps of ever more terms, by name."""
+
+
+def _ladder(terms: tuple[str, ...], **steps: str) -> Ladder:
+    """Steps, each with its terms, parted by blanks."""
+    return {n: tuple(sorted(terms.index(t) for t in told.split())) for n, told in steps.items()}
+
+
+_TURNS = "v omega v*omega omega*|omega| omega^3 v^2*omega"
+DIFFERENTIAL = (
+    # its own gain; a turning centre beside the pose; what is even in omega or saturates
+    _ladder(
+        TERMS,
+        gain="v",
+        gains="v omega",
+        product="v omega v*omega",
+        slip="v omega v*omega v*|omega| v*omega^2 v*|v|",
+    ),
+    # a heading that is off; a turning centre ahead of the pose; what is odd in omega
+    _ladder(
+        TERMS, offset="v", centre="omega", gains="v omega", product="v omega v*omega", slip=_TURNS
+    ),
+    # its own gain; a robot that draws to one side; what is odd in omega
+    _ladder(TERMS, gain="omega", gains="v omega", product="v omega v*omega", slip=_TURNS),
+)
+CAR = (
+    _ladder(TERMS, gain="v"),
+    # tyres that drift outwards, and a pose that is not over the rear axle
+    _ladder(TERMS, drift="v^2*omega", centre="omega", gains="omega v^2*omega"),
+    # what tyres lose at speed, and in tight turns; wheels that are not straight
+    _ladder(
+        TERMS,
+        understeer="omega v^2*omega",
+        saturates="omega v^2*omega omega*|omega|",
+        draws="v omega v^2*omega",
+        slip=_TURNS,
+    ),
+)
+_EVERY = "v lateral omega"
+OMNI = (
+    _ladder(
+        OMNI_TERMS,
+        gain="v",
+        centre="v omega",
+        gains=_EVERY,
+        slip=f"{_EVERY} lateral*omega v*|v|",
+    ),
+    _ladder(
+        OMNI_TERMS,
+        gain="lateral",
+        centre="lateral omega",
+        gains=_EVERY,
+        slip=f"{_EVERY} v*omega lateral*|lateral|",
+    ),
+    _ladder(OMNI_TERMS, gain="omega", gains=_EVERY, slip=f"{_EVERY} omega*|omega|"),
+)
+"""Of forward speed, sideways speed and turn rate, in the order of the rows."""
+BESIDE = (0, 1, 2)
+"""Terms of the sideways speed that are free where the forward speed's are chosen."""
+GEARS = TERMS.index("|v|"), TERMS.index("omega*sgn(v)")
+"""Terms by which forward speed and turn rate differ in reverse, tried beside the others."""
 
 
 class Direction(NamedTuple):
@@ -127,7 +190,7 @@ def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int]
         Directions (`ALONG`, `ACROSS`, `HEADING`) that stay those of the nominal robot.
     """
     log = dataset if whole is None else whole
-    limits, m = largest_speeds(dataset), dataset.commands
+    limits, m = largest_inputs(dataset.inputs), dataset.commands
     smoothing = tuple(SMOOTHED * most for most in limits)
     found, doubts = {ALONG: AT_ONCE, HEADING: AT_ONCE}, []
     for which, axes, name in ((ALONG, range(m - 1), "speed"), (HEADING, (m - 1,), "turn rate")):
@@ -232,10 +295,10 @@ class _Chooser:
 
     def __init__(self, moment: Moments, at_once: Moments, log: Dataset, slow: float) -> None:
         self._commands, self._steered = log.commands, log.steered
-        self.ladders = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
+        self._ladders = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
         v = log.inputs[:, 0]
         ways = min(float((sign * v > slow).mean()) for sign in (1.0, -1.0))
-        self._gears = self.ladders.gears if ways >= BOTH_WAYS else None
+        self._gears = GEARS if ways >= BOTH_WAYS and log.commands == INPUTS else None
         self._critical = critical_score(
             len(moment.heading), OF_CARS if log.steered else SIGNIFICANCE
         )
@@ -245,13 +308,13 @@ class _Chooser:
 
     def row(self, which: int, along: Sequence[int] = ()) -> Row:
         """Row of a model; the sideways speed's beside chosen terms of the forward speed."""
-        nominal, ladders = nominal_rows(self._commands), self.ladders
+        nominal, ladder = nominal_rows(self._commands), self._ladders[which]
         if which == HEADING:
-            return Row(which, ladders.heading, nominal.heading)
+            return Row(which, ladder, nominal.heading)
         base, first = np.concatenate([nominal.along, nominal.across]), len(nominal.along)
         if which == ACROSS:
-            return Row(which, ladders.across, base, first, before=tuple(along))
-        return Row(which, ladders.along, base, after=tuple(first + t for t in ladders.beside))
+            return Row(which, ladder, base, first, before=tuple(along))
+        return Row(which, ladder, base, after=tuple(first + t for t in BESIDE))
 
     def choose(self, which: int, along: Sequence[int] = ()) -> Direction:
         """Take the best step of a ladder if it beats the nominal robot beyond chance.
@@ -264,10 +327,11 @@ class _Chooser:
         if which != ACROSS:
             plain = (self._at_once, row.base)
         reference = squared_errors(plain[0][which], plain[1])
-        best, score, errors = self._validate(row, [terms for _, terms in row.ladder], reference)
+        steps = list(row.ladder.items())
+        best, score, errors = self._validate(row, [terms for _, terms in steps], reference)
         found = Direction(NOMINAL, score, self._critical)
         if score > self._critical:
-            found = Direction(row.ladder[best][0], score, self._critical, row.ladder[best][1])
+            found = Direction(steps[best][0], score, self._critical, steps[best][1])
         if self._gears is None or which == ACROSS:
             return found
         motor = int(which == HEADING)
@@ -417,12 +481,9 @@ def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanMod
 def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
     """What was chosen, as values that JSON can hold."""
     directions = {
-        name: {
-            "step": found.step,
-            "score": _finite(found.score),
-            "critical": _finite(found.critical),
-        }
-        for name, found in zip(NAMES, selection.directions, strict=True)
+        name: {"step": step, **{k: v if np.isfinite(v) else None for k, v in scores.items()}}
+        for name, (step, score, critical, _) in zip(NAMES, selection.directions, strict=True)
+        for scores in [{"score": score, "critical": critical}]
     }
     return {
         "method": "integral",
@@ -456,8 +517,3 @@ def learned_axes(model: KoopmanModel) -> Array:
     speed, turn = (any(model.info["response"][name]) for name in ("speed", "turn"))
     place = along.any() or across.any() or speed
     return np.array([*[place] * (m - 1), heading.any() or turn])
-
-
-def _finite(value: float) -> float | None:
-    """A number that JSON can hold, or None."""
-    return float(value) if np.isfinite(value) else None

@@ -24,11 +24,10 @@ PIECE = 1.0
 """Time over which driven and turned are compared [s]."""
 LAGS = np.array((1e-9, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6))
 """Time constants of the steering that are tried [s]."""
-LEAST_TURNED = 1.0
-"""Sum of the turns that tell a wheelbase [rad]."""
-EXPLAINED = 0.6
-"""Share of the turns, squared, that steering must explain: else they come of something else. Cars'
-logs have 0.87 and more, relocated poses and late servos included."""
+LEAST_TURNED, EXPLAINED = 1.0, 0.6
+"""Sum of the turns that tell a wheelbase [rad]; share of the turns, squared, that steering must
+explain: else they come of something else. Cars' logs have 0.87 and more, relocated poses and late
+servos included."""
 ON_THE_SPOT, STANDS = 0.1, 0.1
 """Share of the turns that may come in pieces in which the robot drives less than such a share of
 the distance that it drives in a median one: no car turns where it stands."""
@@ -37,10 +36,9 @@ COMMANDED = 0.2
 SHARES, SLOWEST, LATEST = (0.1, 0.2, 0.4), 5.0, 0.3
 """A robot that takes the longest to the speed that is asked [s] passes each of these shares of it
 in as large a share of that time, begun so late [s]; one that takes longer does not obey."""
-WINDOW = 0.4
-"""Time over which a driven speed is measured [s]."""
-EASES = 0.5
-"""What is left out beside that [s]: motors start and stop."""
+WINDOW, EASES = 0.4, 0.5
+"""Time over which a driven speed is measured [s]; what is left out beside what is not obeyed [s]:
+motors start and stop."""
 UNITS, REACHED = (0.2, 5.0), 0.98
 """Ratios of driven to asked speed, where it is largest but for this share, that are one of metres
 to metres; others come of shares of full throttle, or of revolutions."""
@@ -68,32 +66,38 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
     """
     if log.together and log.columns[1] == CAR_OMEGA:  # saved: as it was learned from
         return replace(log, columns=("v", "omega"), steered=True)
-    time, poses = log.poses.time, log.poses.values
-    told = log.commands.values
+    time, poses, told = log.poses.time, log.poses.values, log.commands.values
     at = np.arange(len(time))
     if not log.together:
         at = np.searchsorted(log.commands.time, time, side="right") - 1
     held = told[np.maximum(at, 0)]
-    left_out = disobeyed(time, poses, held[:, 0]) | relocated(time, poses, held[:, 0])
+    left_out = disobeyed(time, poses, held[:, 0]) | _relocated(time, poses, held[:, 0])
     rows = np.flatnonzero(~left_out & (at >= 0))
     if len(rows) < 2:
         raise DataError(f"{log.name}: nothing obeyed the commands of this log")
     seen = time[rows], poses[rows], held[rows, 1]
-    curvatures, note, geometry = _curvatures(log, told, seen, wheelbase)
+    curvatures, how, geometry = _curvatures(log.columns[1], told, seen, wheelbase)
     speeds = np.where(np.abs(told[:, 0]) < ROLLS, ROLLS, told[:, 0])
     values = np.column_stack([speeds, speeds * curvatures])
-    notes = [*log.notes, note]
+    sharpest = float(np.abs(curvatures).max())
+    radius = f"{1.0 / sharpest if sharpest > 0.0 else math.inf:.2f}"
+    notes = [
+        *log.notes,
+        f"steered wheels, a car{how}; turning radius {radius} m: wheels = "
+        f'{{kind = "car", turning_radius = {radius}}}',
+    ]
     if left_out.any():
-        steps = np.diff(time, prepend=time[0])
-        notes.append(f"{steps[left_out].sum():.0f} s in which nothing obeyed the commands, or the "
-                     "pose jumped, are left out")  # fmt: skip
+        seconds = np.diff(time, prepend=time[0])[left_out].sum()
+        notes.append(
+            f"{seconds:.0f} s in which nothing obeyed the commands, or the pose jumped, are left "
+            "out"
+        )
     commands = replace(log.commands, values=values)
     if log.together:
         commands = Series(commands.time[rows], values[rows], commands.source)
-    kept = Series(time[rows], poses[rows], log.poses.source)
     return replace(
         log,
-        poses=kept,
+        poses=Series(time[rows], poses[rows], log.poses.source),
         commands=commands,
         columns=("v", "omega"),
         steered=True,
@@ -104,31 +108,21 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
 
 
 def _curvatures(
-    log: Log, commands: Array, seen: tuple[Array, Array, Array], wheelbase: float | None
+    kind: str, commands: Array, seen: tuple[Array, Array, Array], wheelbase: float | None
 ) -> tuple[Array, str, dict[str, float]]:
-    """Curvatures (n,) of commands, a line on the car, and its wheelbase where that is known."""
-    (time, poses, held), told, geometry = seen, commands[:, 1], dict[str, float]()
-    if log.columns[1] == CAR_OMEGA:
-        found, how = held_curvatures(commands), ""
-    elif log.columns[1] == "curvature":
-        found, how = told, ""
-    elif log.columns[1] == "servo":
-        gain, middle = find_servo(time, poses, held)
-        found = gain * (told - middle)
+    """Curvatures (n,) of commands, words on the car, and its wheelbase where that is known."""
+    told = commands[:, 1]
+    if kind == CAR_OMEGA:
+        return held_curvatures(commands), "", {}
+    if kind == "curvature":
+        return told, "", {}
+    if kind == "servo":
+        gain, middle = find_servo(*seen)
         how = f"; straight at servo {middle:.4g}, curvature {gain:.3g} 1/m for each 1 of it"
-    else:
-        given = wheelbase or find_wheelbase(time, poses, held)
-        geometry, found = {"wheelbase": given}, np.tan(told) / given
-        largest = float(np.abs(held).max())
-        how = f"; wheelbase {abs(given):.2f} m, it steers by at most {largest:.2f} rad"
-    sharpest = float(np.abs(found).max())
-    radius = 1.0 / sharpest if sharpest > 0.0 else math.inf
-    return (
-        found,
-        f"steered wheels, a car{how}; turning radius {radius:.2f} m: wheels = "
-        f'{{kind = "car", turning_radius = {radius:.2f}}}',
-        geometry,
-    )
+        return gain * (told - middle), how, {}
+    base, largest = wheelbase or find_wheelbase(*seen), float(np.abs(seen[2]).max())
+    how = f"; wheelbase {abs(base):.2f} m, it steers by at most {largest:.2f} rad"
+    return np.tan(told) / base, how, {"wheelbase": base}
 
 
 def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
@@ -141,8 +135,7 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
     DataError
         If the log turns too little to tell, or turns otherwise than it is steered.
     """
-    driven, turned, ways = _pieces(time, poses, np.tan(angles))
-    _must_roll(driven, turned)
+    _, turned, ways = _pieces(time, poses, np.tan(angles))
     explained = (ways @ turned) ** 2 / np.maximum((ways**2).sum(axis=1), 1e-12)
     bent = ways[int(explained.argmax())]
     _must_explain(turned, bent)
@@ -158,27 +151,16 @@ def find_servo(time: Array, poses: Array, positions: Array) -> tuple[float, floa
         If the log turns too little to tell, or turns otherwise than it is steered.
     """
     driven, turned, ways = _pieces(time, poses, positions)
-    _must_roll(driven, turned)
-    columns = [np.column_stack([bent, driven]) for bent in ways]
-    found = [np.linalg.lstsq(both, turned, rcond=1e-9)[0] for both in columns]
-    left = [
-        float(((both @ one - turned) ** 2).sum()) for both, one in zip(columns, found, strict=True)
-    ]
-    best = int(np.argmin(left))
-    gain, offset = found[best].tolist()
-    _must_explain(turned, columns[best] @ found[best] if gain else driven)
+    best, least = np.zeros(2), np.inf
+    explained = driven
+    for bent in ways:
+        both = np.column_stack([bent, driven])
+        found = np.linalg.lstsq(both, turned, rcond=1e-9)[0]
+        if (left := float(((both @ found - turned) ** 2).sum())) < least:
+            best, least, explained = found, left, both @ found
+    gain, offset = best.tolist()
+    _must_explain(turned, explained if gain else driven)
     return gain, -offset / gain
-
-
-def _must_roll(driven: Array, turned: Array) -> None:
-    """Refuse a log whose turns (n,) come where the robot drives nothing (n,)."""
-    size = np.abs(turned)
-    stands = np.abs(driven) < STANDS * np.median(np.abs(driven)) if len(driven) else driven > 0
-    if size[stands].sum() > ON_THE_SPOT * size.sum() > 0.0:
-        raise DataError(
-            "steering: the robot turns where it stands, as no car does: its commands are v and "
-            "omega (--columns omega=NAME)"
-        )
 
 
 def _must_explain(turned: Array, bent: Array) -> None:
@@ -194,7 +176,10 @@ def _must_explain(turned: Array, bent: Array) -> None:
 
 
 def _pieces(time: Array, poses: Array, slopes: Array) -> tuple[Array, Array, Array]:
-    """Distance ahead (P,), turn, and slopes summed over distance (LAGS, P) of pieces of a log."""
+    """Distance ahead (P,), turn, and slopes summed over distance (LAGS, P) of pieces of a log.
+
+    A log whose turns come where the robot drives nothing is refused.
+    """
     heading = np.unwrap(poses[:, 2])
     ahead, _ = rotate(np.diff(poses[:, 0]), np.diff(poses[:, 1]), -heading[:-1])
     steps = np.diff(time)
@@ -202,8 +187,7 @@ def _pieces(time: Array, poses: Array, slopes: Array) -> tuple[Array, Array, Arr
     number = np.floor((time[:-1] - time[0]) / PIECE).astype(int)
     count = int(number.max(initial=0)) + 1
     used = np.bincount(number, held * steps, count) > 0.5 * PIECE
-    steered = np.empty((len(LAGS), len(steps)))
-    now = np.full(len(LAGS), slopes[0])
+    steered, now = np.empty((len(LAGS), len(steps))), np.full(len(LAGS), slopes[0])
     for k, share in enumerate(-np.expm1(-np.maximum(steps, 0.0)[:, None] / LAGS)):
         steered[:, k] = now = now + share * (slopes[k] - now)
 
@@ -211,7 +195,15 @@ def _pieces(time: Array, poses: Array, slopes: Array) -> tuple[Array, Array, Arr
         out: Array = np.bincount(number, np.where(held, values, 0.0), count)[used]
         return out
 
-    return summed(ahead), summed(np.diff(heading)), np.stack([summed(ahead * s) for s in steered])
+    driven, turned = summed(ahead), summed(np.diff(heading))
+    size = np.abs(turned)
+    stands = np.abs(driven) < STANDS * np.median(np.abs(driven)) if len(driven) else driven > 0
+    if size[stands].sum() > ON_THE_SPOT * size.sum() > 0.0:
+        raise DataError(
+            "steering: the robot turns where it stands, as no car does: its commands are v and "
+            "omega (--columns omega=NAME)"
+        )
+    return driven, turned, np.stack([summed(ahead * s) for s in steered])
 
 
 def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
@@ -240,13 +232,12 @@ def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
     return out
 
 
-def relocated(time: Array, poses: Array, speeds: Array) -> Array:
+def _relocated(time: Array, poses: Array, speeds: Array) -> Array:
     """Which rows (n,) lie beside a jump of the pose: farther than any command (n,) drives."""
     steps = np.maximum(np.diff(time), 1e-9)
     moved = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     largest = float(np.quantile(np.abs(speeds), 0.99))
-    jumps = moved > JUMP * largest * np.maximum(steps, 0.25 * WINDOW)
     out = np.zeros(len(time), dtype=bool)
-    for row in np.flatnonzero(jumps):
+    for row in np.flatnonzero(moved > JUMP * largest * np.maximum(steps, 0.25 * WINDOW)):
         out |= (time >= time[row] - 0.5 * WINDOW) & (time <= time[row + 1] + 0.5 * WINDOW)
     return out

@@ -14,19 +14,18 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.learn.lag import mean_delay
-from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-STANDING = 0.1
-"""Share of the largest speed below which a robot counts as commanded to stand, and of the largest
-turn rate below which it counts as commanded to drive straight on."""
-FAST = 0.5
-"""Share of the largest speed from which a stop begins, at least."""
+STANDING, FAST, FALLS = 0.1, 0.5, 0.005
+"""Shares of the largest speed: below which a robot counts as commanded to stand; from which a stop
+begins, at least; by which a command falls from one row to the next, at least."""
 REST = 0.5
 """How long the robot is commanded to stand, at least [s]."""
-FALLS = 0.005
-"""Share of the largest speed by which a command falls from one row to the next, at least."""
+FEWEST, SURE = 2, 2.0
+"""Stops from which on something is said; standard errors by which the robot must drive on farther
+than predicted."""
 
 
 class Stop(NamedTuple):
@@ -54,25 +53,18 @@ def find_stops(speeds: Array, dt: float, largest: float) -> list[Stop]:
     """
     size = np.abs(speeds)
     still = np.concatenate([[False], size <= STANDING * largest, [False]])
-    begins = np.flatnonzero(~still[:-1] & still[1:])
-    ends = np.flatnonzero(still[:-1] & ~still[1:])
+    ends = np.flatnonzero(still[1:] != still[:-1]).reshape(-1, 2)
     # where the command has fallen from one row to the next, without changing its sign
     falls = (np.diff(size) < -FALLS * largest) & (speeds[1:] * speeds[:-1] >= 0.0)
     found = []
-    for rest, end in zip(begins, ends, strict=True):
+    for rest, end in ends.tolist():
         begin = rest
         while begin > 0 and falls[begin - 1]:
             begin -= 1
         rests = (end - rest) * dt >= REST - 1e-9
         if rests and begin < rest and size[begin] >= FAST * largest:
-            found.append(Stop(int(begin) + 1, int(rest), int(end)))
+            found.append(Stop(begin + 1, rest, end))
     return found
-
-
-FEWEST = 2
-"""Stops from which on something is said."""
-SURE = 2.0
-"""Standard errors by which the robot must drive on farther than predicted."""
 
 
 @dataclass(frozen=True)
@@ -107,20 +99,28 @@ def measure_stopping(model: KoopmanModel, log: Dataset) -> Stopping:
     log : Dataset
         All of it, those parts included that the model was not fitted to.
     """
-    largest = largest_speeds(log)[0]
-    told, beyond, energy = [], [], []
+    # as the model has learned it, else as the log shows it: the likeliest delay even where it is
+    # not sure, for one that is given too short is a stop that comes too late
+    response = model.info.get("response")
+    delay = float(sum(response["speed"])) if isinstance(response, dict) else 0.0
+    delay = delay or mean_delay(log, (0,), sure=False)
+    largest, told, rows = largest_inputs(log.inputs)[0], [], []
     for episode in log.episodes:
         for stop in find_stops(episode.inputs[:, 0], episode.dt, largest):
             if stop.begin > model.history:
                 told.append(_told_deceleration(episode, stop))
-                beyond.append(_farther_than_predicted(model, episode, stop))
-                energy.append(0.5 * episode.inputs[stop.begin - 1, 0] ** 2)
-    delay = _delay(model, log)
+                energy = 0.5 * episode.inputs[stop.begin - 1, 0] ** 2
+                rows.append((energy, _farther_than_predicted(model, episode, stop)))
     if len(told) < FEWEST:
         return Stopping(delay, len(told), None)
-    slowness = 1.0 / float(np.median(told))
-    slowness += _excess(np.array(beyond), np.array(energy))
-    return Stopping(delay, len(told), 1.0 / slowness)
+    # what is to be added to the inverse deceleration [s^2/m], where that is beyond chance
+    energy, beyond = np.array(rows).T
+    size = float(energy @ energy)
+    found = float(energy @ beyond) / size
+    rest = beyond - found * energy
+    error = float(np.sqrt(rest @ rest / max(len(rows) - 1, 1) / size))
+    excess = found + error if found > SURE * error else max(0.0, found)
+    return Stopping(delay, len(told), 1.0 / (1.0 / float(np.median(told)) + excess))
 
 
 def _told_deceleration(episode: Episode, stop: Stop) -> float:
@@ -136,27 +136,6 @@ def _farther_than_predicted(model: KoopmanModel, episode: Episode, stop: Stop) -
     first = stop.begin
     past = episode.inputs[first - model.history : first] if model.history else None
     start, inputs = episode.states[first], episode.inputs[first : stop.end]
-    predicted = model.rollout(start, inputs, past)[-1]
+    ahead = episode.states[stop.end] - model.rollout(start, inputs, past)[-1]
     heading = np.array([np.cos(start[2]), np.sin(start[2])])
-    sign = np.sign(episode.inputs[first - 1, 0])
-    return float(sign * heading @ (episode.states[stop.end] - predicted)[:2])
-
-
-def _excess(beyond: Array, energy: Array) -> float:
-    """What is to be added to the inverse deceleration [s^2/m], where that is beyond chance."""
-    size = float(energy @ energy)
-    found = float(energy @ beyond) / size
-    rest = beyond - found * energy
-    error = float(np.sqrt(rest @ rest / max(len(beyond) - 1, 1) / size))
-    return found + error if found > SURE * error else max(0.0, found)
-
-
-def _delay(model: KoopmanModel, log: Dataset) -> float:
-    """How late the motion along the heading follows the commanded speed [s].
-
-    As the model has learned it, else as the log shows it: the likeliest delay even where it is not
-    sure, for one that is given too short is a stop that comes too late.
-    """
-    response = model.info.get("response")
-    known = float(sum(response["speed"])) if isinstance(response, dict) else 0.0
-    return known or mean_delay(log, (0,), sure=False)
+    return float(np.sign(episode.inputs[first - 1, 0]) * heading @ ahead[:2])

@@ -12,16 +12,15 @@ from kmpc_lite.learn.coverage import WORDS, find_coverage
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.learn.lag import Response
-from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.model.dictionary.terms import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 
 DIRECTIONS = ("along", "across", "in heading")
-BETTER = 1.25
-"""Ratio of the nominal robot's error to the model's from which on the model is better."""
-WORSE = 1.02
-"""Ratio of the model's error to the nominal robot's from which on the model is worse."""
+BETTER, WORSE = 1.25, 1.02
+"""Ratio of the nominal robot's error to the model's from which on the model is better, and the
+inverse ratio from which on it is worse."""
 CHOSEN = {
     "nominal": "as commanded: the log supports no more",
     "gain": "its own gain",
@@ -43,37 +42,18 @@ def times(ratio: float) -> str:
     return "over 1000" if ratio > 1e3 else f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:.0f}"
 
 
-def summarize_fit(
-    model: KoopmanModel, train: Dataset, whole: Dataset | None = None
-) -> dict[str, Any]:
-    """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
-
-    Parameters
-    ----------
-    model : KoopmanModel
-        What was learned.
-    train : Dataset
-        What it was learned from.
-    whole : Dataset, optional
-        The log of which that is a part, uncut: what that shows is not missing.
-    """
-    speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
-    rows = np.array(model.info["selection"]["rows"])
-    log = train if whole is None else whole
-    shown = find_coverage([e.inputs for e in log.episodes], log.dt, steered=log.steered)
-    limits = np.array(largest_speeds(train))
-    ahead, round_ = np.eye(len(limits))[[0, -1]] * limits
+def find_gains(model: KoopmanModel, driven: Dataset) -> dict[str, Any]:
+    """Gains and slip of a model that ``lags="auto"`` has learned, at the speeds of some driving."""
+    rows, limits = np.array(model.info["selection"]["rows"]), largest_inputs(driven.inputs)
+    speeds = np.array(limits)
+    ahead, round_ = np.eye(len(limits))[[0, -1]] * speeds
     straight, back, tight = (
-        evaluate_terms(np.array([ahead, -ahead, ahead + round_]), 0.05 * limits, limits) @ rows.T
+        evaluate_terms(np.array([ahead, -ahead, ahead + round_]), 0.05 * speeds, limits) @ rows.T
     )
     own, turned = float(rows[2, len(limits) - 1]), rows[:, len(limits) - 1]
     gain = own if abs(own) > 1e-6 else 1.0
     return {
-        "lag": {
-            "speed": {"dead_time": speed.dead_time, "time_constant": speed.time_constant},
-            "turn": {"dead_time": turn.dead_time, "time_constant": turn.time_constant},
-        },
-        "largest": {"v": float(limits[0]), "omega": float(limits[-1])},
+        "largest": {"v": limits[0], "omega": limits[-1]},
         "speed_gain": float(straight[0] / limits[0]),
         "reverse_gain": float(-back[0] / limits[0]),
         "turn_gain": own,
@@ -81,30 +61,42 @@ def summarize_fit(
         "side_slip": float(tight[1] / limits[0]),
         "turning_centre": [float(-turned[1] / gain), float(turned[0] / gain)],
         "heading_offset": float(np.arctan2(rows[1, 0], rows[0, 0])),
-        "braking_distance": float(abs(straight[0]) * speed.delay),
-        "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
-        "missing": [part.name for part in shown.missing],
-        "warnings": [*model.info["response"].get("doubts", ()), *shown.warnings()],
     }
 
 
 def describe_fit(
     model: KoopmanModel, train: Dataset, whole: Dataset, report: FitReport
 ) -> dict[str, Any]:
-    """Facts about the robot that a fit has learned, with all that is to be warned of."""
-    facts = summarize_fit(model, train, whole)
-    return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
+    """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
 
-
-def warn_of_errors(report: FitReport) -> list[str]:
-    """Warnings on held-out errors: directions in which the nominal unicycle predicts better."""
-    return [
+    Parameters
+    ----------
+    model : KoopmanModel
+        What was learned.
+    train, whole : Dataset
+        What it was learned from, and the log of which that is a part: what that shows is not
+        missing.
+    report : FitReport
+        Its held-out errors.
+    """
+    speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
+    shown = find_coverage([e.inputs for e in whole.episodes], whole.dt, steered=whole.steered)
+    gains = find_gains(model, train)
+    worse = [
         f"{name} it predicts worse than the nominal robot: {ours:.3g} against {nominal:.3g}"
         for name, ours, nominal in zip(
             DIRECTIONS, report.multi_step, report.nominal_multi_step, strict=True
         )
         if ours > WORSE * nominal
     ]
+    return {
+        "lag": {"speed": speed._asdict(), "turn": turn._asdict()},
+        **gains,
+        "braking_distance": abs(gains["speed_gain"]) * gains["largest"]["v"] * speed.delay,
+        "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
+        "missing": [part.name for part in shown.missing],
+        "warnings": [*worse, *model.info["response"].get("doubts", ()), *shown.warnings()],
+    }
 
 
 def describe_robot(made: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,7 +107,7 @@ def describe_robot(made: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[st
     made : mapping
         As `describe_making` gives it.
     facts : mapping
-        As `summarize_fit` gives them; may be empty.
+        As `describe_fit` gives them; may be empty.
     """
     told = {**made["wheels"], **made.get("geometry", {})}
     if facts:
@@ -127,15 +119,12 @@ def tell_robot(made: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
     """The same in one line."""
     told = [str(made["wheels"]["kind"])]
     lengths = {**made.get("geometry", {}), **made["wheels"]}
-    for name, words in (("wheelbase",) * 2, ("track",) * 2, ("turning_radius", "turning radius")):
+    for name in ("wheelbase", "track", "turning_radius"):
         if name in lengths:
-            told.append(f"{words} {abs(lengths[name]):.2g} m")
+            told.append(f"{name.replace('_', ' ')} {abs(lengths[name]):.2g} m")
     line = f"robot  {', '.join(told)}"
-    return f"{line}; {tell_response(facts)}" if facts else line
-
-
-def tell_response(facts: Mapping[str, Any]) -> str:
-    """How late the robot answers and how far it drives until it stands."""
+    if not facts:
+        return line
     lag = facts["lag"]
     late = ", ".join(
         f"{name} {lag[key]['dead_time']:.2f} s dead time + {lag[key]['time_constant']:.2f} s"
@@ -143,7 +132,7 @@ def tell_response(facts: Mapping[str, Any]) -> str:
         if any(lag[key].values())
     )
     return (
-        f"lag {late or 'none: it obeys at once'}; stopping distance from "
+        f"{line}; lag {late or 'none: it obeys at once'}; stopping distance from "
         f"{facts['largest']['v']:.2g} m/s: {facts['braking_distance']:.2g} m"
     )
 
@@ -156,39 +145,34 @@ def verdict(report: FitReport, facts: Mapping[str, Any], driven: Mapping[str, fl
     report : FitReport
         Its errors on what was held out.
     facts : mapping
-        Of the fit, as `summarize_fit` gives them; may be empty.
+        Of the fit, as `describe_fit` gives them; may be empty.
     driven : mapping
         Largest speeds of the log, as `driven_speeds` gives them.
     """
-    fastest = max(driven["forward"], driven["reverse"])
     lacking = facts.get("missing", ())
+    # of such a log, how it compares is known at one speed alone
     steady = "slow" in lacking and not {"left", "right"}.isdisjoint(lacking)
-    told = f"{_compared(report, steady)}; drive up to {fastest:.2g} m/s."
-    if stays := facts.get("stays_nominal"):
-        told += " It stays nominal " + " and ".join(stays) + "."
-    if not lacking:
-        return told
-    names = ", ".join(WORDS[name].noun for name in lacking)
-    return f"{told} Missing: {names}: `kmpc record --excite` shows them."
-
-
-def _compared(report: FitReport, steady: bool) -> str:
-    """How the errors compare with the nominal robot's; of a `steady` log at one speed alone."""
-    pairs = list(zip(DIRECTIONS, report.multi_step, report.nominal_multi_step, strict=True))
+    pairs = zip(DIRECTIONS, report.multi_step, report.nominal_multi_step, strict=True)
     better = [(theirs / max(ours, 1e-12), name) for name, ours, theirs in pairs]
-    best, where = max(better)
-    least, lost = min(better)
+    (best, where), (least, lost) = max(better), min(better)
     gains = f"predicts {times(best)} times better than nominal {where}"
+    losses = f"{times(1.0 / max(least, 1e-12))} times worse {lost}"
     if least * WORSE < 1.0:
-        losses = f"{times(1.0 / max(least, 1e-12))} times worse {lost}"
-        if best > BETTER:
-            return f"Mixed: {gains} but {losses}"
-        return f"Poor: predicts {losses} than nominal"
-    if best > BETTER and steady:
-        return f"Narrow: {gains}, but only at the one speed of its log"
-    if best > BETTER:
-        return f"Good: {gains}"
-    return "As nominal: the log supports no better prediction; the nominal robot's model is written"
+        told = f"Mixed: {gains} but {losses}" if best > BETTER else ""
+        told = told or f"Poor: predicts {losses} than nominal"
+    elif best > BETTER:
+        told = f"Narrow: {gains}, but only at the one speed of its log" if steady else ""
+        told = told or f"Good: {gains}"
+    else:
+        told = "As nominal: the log supports no better prediction; the nominal robot's model is "
+        told += "written"
+    told += f"; drive up to {max(driven['forward'], driven['reverse']):.2g} m/s."
+    if stays := facts.get("stays_nominal"):
+        told += f" It stays nominal {' and '.join(stays)}."
+    if lacking:
+        names = ", ".join(WORDS[name].noun for name in lacking)
+        told += f" Missing: {names}: `kmpc record --excite` shows them."
+    return told
 
 
 def tell_errors(report: FitReport) -> str:
@@ -241,23 +225,21 @@ def format_making(info: Mapping[str, Any]) -> str:
 
 def format_changes(info: Mapping[str, Any]) -> list[str]:
     """Lines that tell which changes of commands the controller asks for, where they are limited."""
-    lines = []
-    if ramps := _limits(info, "ramps"):
-        lines.append(f"ramps  {ramps}: the controller commands no faster changes")
-    if changes := _limits(info, "changes"):
-        lines.append(f"asked  {changes}: fastest starts and stops in the log, not exceeded")
-    return lines
+    told = {
+        "ramps": "ramps  {}: the controller commands no faster changes",
+        "changes": "asked  {}: fastest starts and stops in the log, not exceeded",
+    }
+    return [line.format(_limits(info, name)) for name, line in told.items() if name in info]
 
 
 def _limits(info: Mapping[str, Any], name: str) -> str:
-    """Limits of changes in words; empty if there are none."""
-    if name not in info:
-        return ""
+    """Limits of changes in words."""
     told, ramps = [], Ramps.of(info, name)
     speeds = ("speed", "speed sideways")[: len(ramps.slower) - 1]
     last = ("curvature", "1/m/s") if info.get("steered") else ("turn rate", "rad/s^2")
-    units = [*((speed, "m/s^2") for speed in speeds), last]
-    for (what, unit), *limits in zip(units, *ramps, strict=True):
+    for (what, unit), *limits in zip(
+        [*((speed, "m/s^2") for speed in speeds), last], *ramps, strict=True
+    ):
         finite = [
             f"{limit:.2g} {unit} {side}"
             for limit, side in zip(limits, Ramps._fields, strict=True)

@@ -163,7 +163,7 @@ def _block(
     )
 
 
-def answered_commands(block: Block, speed: Sequence[float], turn: Sequence[float]) -> Array:
+def _answered(block: Block, speed: Sequence[float], turn: Sequence[float]) -> Array:
     """Commands (T, m) of a block after the motors' response, given its weights, newest first."""
     told = block.inputs
     if block.curvatures is not None:
@@ -177,7 +177,7 @@ def answered_commands(block: Block, speed: Sequence[float], turn: Sequence[float
     return answered
 
 
-def window_sums(values: Array, block: Block, length: int) -> Array:
+def _window_sums(values: Array, block: Block, length: int) -> Array:
     """Sum the rows (T, m) of a block's periods over each window: (S, m)."""
     total = np.zeros((len(values) + 1, values.shape[1]), dtype=values.dtype)
     np.cumsum(values, axis=0, out=total[1:])
@@ -192,28 +192,16 @@ def moments(
     smoothing: Sequence[float],
     limits: Sequence[float],
 ) -> Moments:
-    """Sum each block's windows for one response."""
-    terms = len(terms_of(len(limits)))
-    along = np.empty((len(windows.blocks), 2 * terms + 1, 2 * terms + 1))
-    across = np.empty_like(along)
-    heading = np.empty((len(windows.blocks), terms + 1, terms + 1))
-    for k, block in enumerate(windows.blocks):
-        w = evaluate_terms(answered_commands(block, speed, turn), smoothing, limits)
-        along[k], across[k], heading[k] = block_moments(windows, block, w)
-    return Moments(along, across, heading)
-
-
-def block_moments(windows: Windows, block: Block, w: Array) -> tuple[Array, Array, Array]:
-    """Sum a block's windows for inputs (T, m) of its periods: along, across, heading.
-
-    As in `Moments`: (2m + 1, 2m + 1) twice, and (m + 1, m + 1).
-    """
-    n = windows.length
-    z = window_sums(block.turned[:, None] * w, block, n) * block.frame[:, None]
-    one = np.column_stack([z.real, -z.imag, block.moved.real])
-    other = np.column_stack([z.imag, z.real, block.moved.imag])
-    third = np.column_stack([window_sums(w, block, n) * windows.dt, block.heading])
-    return one.T @ one, other.T @ other, third.T @ third
+    """Sum each block's windows for one response of the motors, given by its weights."""
+    n, sums = windows.length, []
+    for block in windows.blocks:
+        w = evaluate_terms(_answered(block, speed, turn), smoothing, limits)
+        z = _window_sums(block.turned[:, None] * w, block, n) * block.frame[:, None]
+        one = np.column_stack([z.real, -z.imag, block.moved.real])
+        other = np.column_stack([z.imag, z.real, block.moved.imag])
+        third = np.column_stack([_window_sums(w, block, n) * windows.dt, block.heading])
+        sums.append([rows.T @ rows for rows in (one, other, third)])
+    return Moments(*(np.array(each) for each in zip(*sums, strict=True)))
 
 
 def squared_errors(moment: Array, weights: Array) -> Array:
@@ -221,11 +209,6 @@ def squared_errors(moment: Array, weights: Array) -> Array:
     v = np.concatenate([weights, np.full((*weights.shape[:-1], 1), -1.0)], axis=-1)
     errors: Array = np.maximum(np.einsum("bij,...i,...j->...b", moment, v, v, optimize=True), 0.0)
     return errors
-
-
-def largest_speeds(dataset: Dataset) -> tuple[float, ...]:
-    """Largest sizes of a log's inputs, as `largest_inputs` gives them."""
-    return largest_inputs(dataset.inputs)
 
 
 def largest_inputs(inputs: Array) -> tuple[float, ...]:

@@ -1,7 +1,7 @@
 """Symmetric models in closed form: the same motion wherever the robot stands and faces.
 
 A symmetric fit, the nominal unicycle and what adaptation makes of them are the bilinear form of
-``xdot = R(theta) [a; b] w, thetadot = g w`` (`kmpc_lite.learn.least_squares`). While the inputs are
+``xdot = R(theta) [a; b] w, thetadot = g w`` (`kmpc_lite.learn.regression`). While the inputs are
 held the heading turns evenly, so that a Runge-Kutta step needs no stages: it is the motion in the
 robot's frame, turned by the heading at each node. That is the same step in a fifth of the time,
 and a whole path takes no longer than a step.

@@ -97,7 +97,7 @@ def _wheels(data: kl.Dataset, reverses: bool) -> kl.Differential | kl.Car:
     """A car if the log never turns on the spot; else wheels on either side."""
     inputs = [episode.inputs for episode in data.episodes]
     spot = next(p for p in find_coverage(inputs, data.dt).parts if p.name == "on the spot")
-    if spot.is_absent:
+    if spot.share <= 0.1:
         v, omega = np.abs(np.concatenate(inputs)).T
         used = (v > DRIVES * v.max()) & (omega > 0.0)
         if used.any():

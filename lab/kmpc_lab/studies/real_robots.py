@@ -28,7 +28,7 @@ from kmpc_lite.learn.calibration import scores, with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise import prediction_errors
-from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.scenario.touch import LOOKS
@@ -233,7 +233,7 @@ def _plant_model(real: RealRobot) -> tuple[KoopmanModel, Robot]:
     """Model that the plant moves as, and the robot as it is by that model."""
     _, its = real.halves()
     truth = fit(its, lags="auto")
-    limits = largest_speeds(its)
+    limits = largest_inputs(its.inputs)
     spread = tube_noise(truth.noise_model, truth.dt).pose_deviation
     turned = truth.predict(
         np.zeros(3), (0.0, limits[1]), np.tile((0.0, limits[1]), (truth.history, 1))

@@ -109,7 +109,7 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
     random = np.random.default_rng(4)
     rows = np.zeros((3, len(TERMS)))
     rows[0, 0], rows[2, 1], rows[0, 4], rows[1, 2] = 1.0, 0.6, -0.15, -0.1
-    from kmpc_lite.learn.least_squares import symmetric_generator
+    from kmpc_lite.learn.regression import symmetric_generator
     from kmpc_lite.model.dictionary.response import ResponseDictionary
 
     late = ResponseDictionary(TRIG, terms=TERMS, smoothing=(0.05, 0.1), limits=(1.0, 2.0))

@@ -5,7 +5,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.learn.least_squares import symmetric_generator
+from kmpc_lite.learn.regression import symmetric_generator
 from kmpc_lite.model.symmetric import find_trigonometry
 
 TRIG = kl.HermiteTrigDictionary(0)
