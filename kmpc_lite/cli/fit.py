@@ -29,93 +29,40 @@ TO_MEND = ("suspect", "--", "cut ")
 """What a line on a log holds if it asks the user for something."""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_log_options(parser)
     add_force(parser)
     add = parser.add_argument
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="model file to write (.npz)",
+    add("-o", "--output", type=Path, required=True, metavar="FILE", help="model file to write")
+    told = "integral (weak form, default) or the paper's edmdc"
+    add("--method", choices=("integral", "edmdc"), default="integral", help=told)
+    told = "\n".join(f"{name}: {text}" for name, text in DICTIONARIES.items())
+    told = f"functions of the pose in the model (default: trig)\n{told}"
+    add("--dictionary", choices=tuple(DICTIONARIES), default="trig", metavar="NAME", help=told)
+    told = (
+        "auto (default): find out how late the robot answers and how it slips, as far as the log "
+        "supports it; none; or ages of the commands that act, in periods (0 = no lag)"
     )
-    add(
-        "--method",
-        choices=("integral", "edmdc"),
-        default="integral",
-        help="integral (weak form, default) or the paper's edmdc",
-    )
-    add(
-        "--dictionary",
-        choices=tuple(DICTIONARIES),
-        default="trig",
-        metavar="NAME",
-        help="functions of the pose in the model (default: trig)\n"
-        + "\n".join(f"{name}: {text}" for name, text in DICTIONARIES.items()),
-    )
-    add(
-        "--lags",
-        nargs="+",
-        metavar="auto|none|AGE",
-        help="auto (default): find out how late the robot answers and how it slips, as far as the "
-        "log supports it; none; or ages of the commands that act, in periods (0 = no lag)",
-    )
-    add(
-        "--no-symmetry",
-        action="store_true",
-        help="let the motion depend on position and heading: the paper's free fit",
-    )
-    add(
-        "--product",
-        action="store_true",
-        help="with --lags: separate weights for each age, and a term v*omega",
-    )
-    add(
-        "--dt",
-        type=float,
-        metavar="S",
-        help=f"the model's period [s] (default: {SHORTEST_PERIOD}, or the log's own if longer)",
-    )
-    add(
-        "--gap",
-        type=float,
-        metavar="S",
-        help="an episode ends if more time lies between rows [s] (default: 2.5 periods)",
-    )
-    add(
-        "--holdout",
-        type=float,
-        default=0.5,
-        metavar="SHARE",
-        help="share of the episodes kept for the check (default: 0.5)",
-    )
-    add(
-        "--horizon",
-        type=float,
-        default=1.0,
-        metavar="S",
-        help="how far ahead predictions are checked [s] (default: 1)",
-    )
+    add("--lags", nargs="+", metavar="auto|none|AGE", help=told)
+    told = "let the motion depend on position and heading: the paper's free fit"
+    add("--no-symmetry", action="store_true", help=told)
+    told = f"the model's period [s] (default: {SHORTEST_PERIOD}, or the log's own if longer)"
+    add("--dt", type=float, metavar="S", help=told)
+    told = "an episode ends if more time lies between rows [s] (default: 2.5 periods)"
+    add("--gap", type=float, metavar="S", help=told)
+    told = "share of the episodes kept for the check (default: 0.5)"
+    add("--holdout", type=float, default=0.5, metavar="SHARE", help=told)
+    told = "how far ahead predictions are checked [s] (default: 1)"
+    add("--horizon", type=float, default=1.0, metavar="S", help=told)
     add("--seed", type=int, default=0, help="seed of the split (default: 0)")
-    add(
-        "-v", "--verbose", action="store_true", help="print how the model was learned, line by line"
-    )
+    told = "print how the model was learned, line by line"
+    add("-v", "--verbose", action="store_true", help=told)
     add("--radius", type=positive, metavar="R", help="the robot's radius [m], kept with the model")
-    add(
-        "--footprint",
-        nargs="+",
-        type=float,
-        metavar=("LENGTH WIDTH", "AHEAD"),
-        help="or what it covers: length and width [m], and how far ahead of the pose its middle is",
-    )
-    add(
-        "--vehicle",
-        metavar="NAME",
-        help="vehicle's name; kmpc run refuses the model if names differ",
-    )
+    told = "or what it covers: length and width [m], and how far ahead of the pose its middle is"
+    add("--footprint", nargs="+", type=float, metavar=("LENGTH WIDTH", "AHEAD"), help=told)
+    told = "vehicle's name; kmpc run refuses the model if names differ"
+    add("--vehicle", metavar="NAME", help=told)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -128,7 +75,6 @@ def run(options: argparse.Namespace) -> int:
     vehicle = read_vehicle(options.log, options.vehicle)
     told: list[str] = []
     shape = read_shape(options.radius, options.footprint)
-    check_split(options.holdout, options.seed)
     how = learning_options(options)
     whole = load_logs(options.log, options.dt, options.gap, read_options(options), told.append)
     learned = learn(whole, options.log, how, vehicle, shape)
@@ -136,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(as_dict(learned, options.output, told)))
     else:
-        print("\n".join(describe(learned, told) if options.verbose else shortly(learned, told)))
+        print("\n".join(tell_learned(learned, told, options.verbose)))
         more = "" if options.verbose else " (-v tells how it was learned)"
         print(f"wrote  {options.output}{more}")
     return 0
@@ -163,46 +109,38 @@ def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
     }
 
 
-def tell_verdict(learned: Learned) -> list[str]:
-    """The robot, and the verdict on its model, for a user who reads no more than that."""
+def tell_learned(learned: Learned, told: list[str], verbose: bool = False) -> list[str]:
+    """The robot, the verdict on its model, and two lines more; or all that is known of it."""
     from kmpc_lite.cli.self_drive import warn_of_driving
-    from kmpc_lite.learn.verdict import tell_robot, verdict
+    from kmpc_lite.learn.verdict import (
+        format_making,
+        format_summary,
+        tell_errors,
+        tell_robot,
+        verdict,
+    )
 
-    made = learned.made
-    return [
-        tell_robot(made, learned.facts),
-        verdict(learned.report, learned.facts, made["driven"]),
+    info, facts = learned.model.info, learned.facts
+    lines = [
+        tell_robot(learned.made, facts),
+        verdict(learned.report, facts, learned.made["driven"]),
         *(f"warn   {line}" for line in warn_of_driving(learned.model)),
     ]
-
-
-def shortly(learned: Learned, told: list[str]) -> list[str]:
-    """Verdict and the two lines behind it; and what is to be mended in the logs."""
-    from kmpc_lite.learn.verdict import tell_errors
-
-    lines = [*tell_verdict(learned), tell_errors(learned.report)]
-    lines += [f"margins: {tell_margins(learned)}"]
-    lines += [f"log    {line}" for line in told if any(word in line for word in TO_MEND)]
-    return lines
-
-
-def describe(learned: Learned, told: list[str]) -> list[str]:
-    """What was learned and how, in lines for a terminal."""
-    from kmpc_lite.learn.verdict import format_making, format_summary
-
-    info = learned.model.info
+    margins = f"margins: {tell_margins(learned)}"
+    if not verbose:
+        to_mend = (f"log    {line}" for line in told if any(word in line for word in TO_MEND))
+        return [*lines, tell_errors(learned.report), margins, *to_mend]
     rank = f"rank {info['rank']} of {info['features']}"
-    lines = [
-        *tell_verdict(learned),
+    return [
+        *lines,
         *(f"log    {line}" for line in told),
         f"train  {learned.train}",
         f"held   {learned.held}",
         f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}",
+        *([format_summary(facts)] if facts else []),
+        f"{learned.report}\n{margins}",
+        format_making(info),
     ]
-    if learned.facts:
-        lines.append(format_summary(learned.facts))
-    errors = f"{learned.report}\nmargins: {tell_margins(learned)}"
-    return [*lines, errors, format_making(info)]
 
 
 def learning_options(options: argparse.Namespace) -> LearningOptions:
@@ -215,24 +153,24 @@ def learning_options(options: argparse.Namespace) -> LearningOptions:
     """
     from kmpc_lite.learn.learning import LearningOptions
 
-    free = options.no_symmetry or options.method == "edmdc"
-    lags = read_lags(options.lags, options.product, free)
-    # with a product, each age has weights of its own
-    ages = lags if options.product and lags != "auto" else None
+    if not 0.0 < options.holdout < 1.0:
+        raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {options.holdout}")
+    if options.seed < 0:
+        raise kl.DataError(f"--seed: expected a whole number >= 0, got {options.seed}")
+    free, name = options.no_symmetry or options.method == "edmdc", options.dictionary
+    order = int(name.removeprefix("hermite")) if name.startswith("hermite") else 0
     return LearningOptions(
-        make_dictionary(options.dictionary, ages, options.product),
+        kl.UnicycleDictionary() if name == "unicycle" else kl.HermiteTrigDictionary(order=order),
         options.method,
         False if free else None,
-        lags if ages is None else None,
+        read_lags(options.lags, free),
         options.holdout,
         options.horizon,
         options.seed,
     )
 
 
-def read_lags(
-    given: list[str] | None, product: bool, free: bool
-) -> Literal["auto"] | list[int] | None:
+def read_lags(given: list[str] | None, free: bool) -> Literal["auto"] | list[int] | None:
     """Read what --lags says: "auto" if nothing is said and nothing speaks against it.
 
     Raises
@@ -241,14 +179,16 @@ def read_lags(
         For anything but auto, none or whole numbers, and for auto with a free fit.
     """
     if given is None:
-        return None if free or product else "auto"
-    if given in (["auto"], ["none"]):
-        if given == ["auto"] and (free or product):
+        return None if free else "auto"
+    if given == ["none"]:
+        return None
+    if given == ["auto"]:
+        if free:
             raise kl.DataError(
                 "--lags auto goes with the symmetric integral fit and chooses the slip terms "
-                "itself: leave out --product, --no-symmetry and --method edmdc"
+                "itself: leave out --no-symmetry and --method edmdc"
             )
-        return "auto" if given == ["auto"] else None
+        return "auto"
     try:
         return [int(age) for age in given]
     except ValueError:
@@ -267,29 +207,6 @@ def read_shape(radius: float | None, footprint: list[float] | None) -> dict[str,
         told = " ".join(f"{value:g}" for value in footprint)
         raise kl.DataError(f"--footprint {told}: expected LENGTH WIDTH or LENGTH WIDTH AHEAD")
     return {"footprint": [list(corner) for corner in kl.Footprint.rectangle(*footprint).corners]}
-
-
-def check_split(holdout: float, seed: int) -> None:
-    """Refuse what no log can be split by."""
-    if not 0.0 < holdout < 1.0:
-        raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
-    if seed < 0:
-        raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
-
-
-def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dictionary:
-    """Build a dictionary by its name on the command line."""
-    base: kl.Dictionary
-    match name:
-        case "unicycle":
-            base = kl.UnicycleDictionary()
-        case "trig":
-            base = kl.HermiteTrigDictionary(order=0)
-        case _:
-            base = kl.HermiteTrigDictionary(order=int(name.removeprefix("hermite")))
-    if product and not lags:
-        raise kl.ModelError("--product goes with --lags, for example --lags 0 --product")
-    return kl.InputHistoryDictionary(base, tuple(lags), product) if lags else base
 
 
 def tell_margins(learned: Learned) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.errors import DataError
@@ -19,70 +19,36 @@ LOGS = (
 )
 
 
-def add_log_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
+_TEXTS = {
+    "--columns": "columns of tables: t=stamp theta=yaw",
+    "--topics": "topics of a bag, or messages of an autopilot: odom=/odom cmd=/cmd_vel",
+    "--units": "units of columns: t=ns theta=deg v=km/h; theta=-deg+90 is a compass heading",
+    "--frame": "ned: x north, y east, theta clockwise; swapped: x and y exchanged (default: enu)",
+    "--commands": "table with t, v, omega for trajectories that have none",
+    "--track": "distance between left and right wheels, if the commands are their speeds",
+    "--wheel-radius": "of the wheels, if their speeds are turns: --units left=rpm right=rpm",
+    "--wheelbase": "distance between a car's axles, if the commands are steering angles (default: "
+    "found)",
+    "--shift": "shift the commands in time if their clock differs [s]",
+}
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
     """Add LOG and what tells how it is to be read."""
-    add = parser.add_argument
-    add("log", type=Path, nargs="+", metavar="LOG", help=LOGS)
+    parser.add_argument("log", type=Path, nargs="+", metavar="LOG", help=LOGS)
     group = parser.add_argument_group("how logs are read")
-    add = group.add_argument
-    add(
-        "--columns",
-        nargs="+",
-        default=[],
-        metavar="OURS=THEIRS",
-        help="columns of tables: t=stamp theta=yaw",
-    )
-    add(
-        "--topics",
-        nargs="+",
-        default=[],
-        metavar="OURS=THEIRS",
-        help="topics of a bag, or messages of an autopilot: odom=/odom cmd=/cmd_vel",
-    )
-    add(
-        "--units",
-        nargs="+",
-        default=[],
-        metavar="COLUMN=UNIT",
-        help="units of columns: t=ns theta=deg v=km/h; theta=-deg+90 is a compass heading",
-    )
-    add(
-        "--frame",
-        default="enu",
-        metavar="enu|ned|swapped",
-        help="ned: x north, y east, theta clockwise; swapped: x and y exchanged (default: enu)",
-    )
-    add(
-        "--commands",
-        type=Path,
-        metavar="FILE",
-        help="table with t, v, omega for trajectories that have none",
-    )
-    add(
-        "--track",
-        type=positive,
-        metavar="M",
-        help="distance between left and right wheels, if the commands are their speeds",
-    )
-    add(
-        "--wheel-radius",
-        type=positive,
-        metavar="M",
-        help="of the wheels, if their speeds are turns: --units left=rpm right=rpm",
-    )
-    add(
-        "--wheelbase",
-        type=positive,
-        metavar="M",
-        help="distance between a car's axles, if the commands are steering angles (default: found)",
-    )
-    add(
-        "--shift",
-        type=float,
-        default=0.0,
-        metavar="S",
-        help="shift the commands in time if their clock differs [s]",
-    )
+
+    def add(name: str, **how: Any) -> None:
+        group.add_argument(name, help=_TEXTS[name], **how)
+
+    for name in ("--columns", "--topics", "--units"):
+        words = "COLUMN=UNIT" if name == "--units" else "OURS=THEIRS"
+        add(name, nargs="+", default=[], metavar=words)
+    add("--frame", default="enu", metavar="enu|ned|swapped")
+    add("--commands", type=Path, metavar="FILE")
+    for name in ("--track", "--wheel-radius", "--wheelbase"):
+        add(name, type=positive, metavar="M")
+    add("--shift", type=float, default=0.0, metavar="S")
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

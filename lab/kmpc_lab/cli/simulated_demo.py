@@ -12,7 +12,7 @@ import kmpc_lite as kl
 from kmpc_lab.cli.simulate import describe, simulate
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.fit import shortly
+from kmpc_lite.cli.fit import tell_learned
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
@@ -113,7 +113,7 @@ def learn_log(
     learned.model.save(output)
     say(f"2  learned {output} from {learned.train}")
     warnings = (f"warn   {text}" for text in learned.facts.get("warnings", ()))
-    text = "\n".join([*shortly(learned, []), *warnings])
+    text = "\n".join([*tell_learned(learned, []), *warnings])
     say("   " + text.replace("\n", "\n   "))
     return learned
 

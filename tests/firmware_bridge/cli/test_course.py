@@ -15,7 +15,6 @@ from firmware_bridge.cli.course import (
 )
 from firmware_bridge.messages import STILL
 from firmware_bridge.robot_file import load_robot
-from kmpc_lite.cli.fit import make_dictionary
 
 ROBOTS = Path(__file__).parents[3] / "docs" / "robots"
 
@@ -70,7 +69,7 @@ def test_a_model_without_lags_gets_a_latency_that_suits_the_driver_and_the_user_
         data = kmpc_lab.generate_dataset(
             kmpc_lab.DifferentialDrive(), episodes=6, steps=60, dt=0.1, seed=0
         )
-        kl.fit(data, make_dictionary("unicycle", list(model), False)).save("robot.npz")
+        kl.fit(data, lags=model or None).save("robot.npz")
         control["model"] = "robot.npz"
     drive = course(
         load_robot(None, {"link": {"url": "pty:x", "driver": name}, "control": control}), 1.0, 10.0

@@ -48,7 +48,6 @@ def test_by_default_a_late_robot_is_known_as_one(
     [
         (["--lags", "none"], 0, True),
         (["--lags", "0", "2"], 2, True),
-        (["--lags", "0", "1", "--product"], 1, True),
         (["--no-symmetry"], 0, False),
         (["--dictionary", "unicycle", "--method", "edmdc"], 0, False),
         (["--dictionary", "hermite1", "--lags", "none"], 0, True),
@@ -65,15 +64,13 @@ def test_what_is_asked_for_is_fitted(
 
 
 def test_what_lags_may_be() -> None:
-    assert read_lags(None, False, False) == "auto"
-    assert read_lags(None, True, False) is None and read_lags(None, False, True) is None
-    assert read_lags(["auto"], False, False) == "auto" and read_lags(["none"], False, False) is None
-    assert read_lags(["0", "3"], True, False) == [0, 3]
-    for product, free in ((True, False), (False, True)):
-        with pytest.raises(kl.DataError, match="--lags auto goes with the symmetric"):
-            read_lags(["auto"], product, free)
+    assert read_lags(None, False) == "auto" == read_lags(["auto"], False)
+    assert read_lags(None, True) is None and read_lags(["none"], False) is None
+    assert read_lags(["0", "3"], True) == [0, 3]
+    with pytest.raises(kl.DataError, match="--lags auto goes with the symmetric"):
+        read_lags(["auto"], True)
     with pytest.raises(kl.DataError, match="--lags some: expected auto, none, or ages"):
-        read_lags(["some"], False, False)
+        read_lags(["some"], False)
 
 
 # logs of every kind
