@@ -28,17 +28,18 @@ from kmpc_lite.reading import read_toml
 from kmpc_lite.scenario.arrival import ARRIVED, Tolerance
 from kmpc_lite.scenario.bundled import bundled, bundled_file
 from kmpc_lite.scenario.drawn import NO_AREA, area_around
-from kmpc_lite.scenario.lidar import LIDAR, LidarSpec, lidar_to_toml, read_lidar
+from kmpc_lite.scenario.lidar import LidarSpec, lidar_to_toml, read_lidar
 from kmpc_lite.scenario.places import check_place
-from kmpc_lite.scenario.shapes import grid_to_toml, to_toml
 from kmpc_lite.scenario.values import (
     CONTROLLER,
     KEYS,
+    LIDAR,
     Floor,
     check_keys,
+    grid_to_toml,
     options_to_toml,
     read_options,
-    read_value,
+    to_toml,
 )
 from kmpc_lite.types import Array
 
@@ -179,14 +180,13 @@ class Scenario:
         """Check a parsed scenario, section by section."""
         check_keys(where, table, (LIDAR, CONTROLLER))
         values: dict[str, Any] = {}
-        for section, defaults in KEYS.items():
+        for section, keys in KEYS.items():
             given = table.get(section, {})
-            for key, default in defaults.items():
+            for key, (default, read) in keys.items():
+                place = f"{where}: [{section}] {key}"
                 if key not in given and default is None:
-                    raise ScenarioError(f"{where}: [{section}] {key}: missing")
-                values[key] = read_value(
-                    f"{where}: [{section}] {key}", key, given.get(key, default)
-                )
+                    raise ScenarioError(f"{place}: missing")
+                values[key] = read(place, given.get(key, default))
         if not values["bounds"]:
             values["bounds"], values["has_area"] = area_around(values)
         options = read_options(f"{where}: [{CONTROLLER}]", table.get(CONTROLLER, {}))
@@ -195,40 +195,25 @@ class Scenario:
 
     def to_toml(self) -> str:
         """Render as a scenario file that `load` reads back."""
-        rows = [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles]
+        wheels, outline = self.wheels, self.footprint
         values = {
             **self.__dict__,
-            "bounds": list(self.bounds),
-            "circles": rows,
-            "start": list(self.start),
-            "goal": list(self.goal),
-        }
-        for key in ("pose_noise", "turning_point"):
-            values[key] = list(getattr(self, key))
-        for key in ("via", "floors", "ground_changes", "ground_patches"):
-            values[key] = [list(row) for row in getattr(self, key)]
-        optional = ("du_max", "R", "R_change")
-        values |= {key: list(getattr(self, key) or ()) for key in optional}
-        wheels = self.wheels or ()
-        told = list(wheels) if isinstance(wheels, tuple) else wheels_to_table(wheels)
-        values["wheels"] = told
-        values["footprint"] = () if self.footprint is None else self.footprint.corners
-        left_out = {"grid", "radius" if self.footprint else "footprint"}
-        left_out |= {key for key in (*optional, "wheels") if not values[key]}
-        left_out |= set() if self.has_area else {"bounds"}
-        values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
-        values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
+            "circles": [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles],
+            "polygons": [p.vertices for p in self.polygons],
+            "walls": [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls],
+            "wheels": wheels if wheels is None or isinstance(wheels, tuple) else
+                      wheels_to_table(wheels),
+            "footprint": None if outline is None else outline.corners,
+            "bounds": self.bounds if self.has_area else None,
+            "radius": self.radius if outline is None else None,
+        }  # fmt: skip
         lines: list[str] = []
         for section, keys in KEYS.items():
-            lines += [
-                f"[{section}]",
-                *(f"{key} = {to_toml(values[key])}" for key in keys if key not in left_out),
-            ]
-            lines += (
-                [f"grid = {grid_to_toml(self.grid)}", ""]
-                if section == "map" and self.grid is not None
-                else [""]
-            )
+            told = {key: values[key] for key in keys if key != "grid" and values[key] is not None}
+            lines += [f"[{section}]", *(f"{key} = {to_toml(v)}" for key, v in told.items())]
+            if section == "map" and self.grid is not None:
+                lines.append(f"grid = {grid_to_toml(self.grid)}")
+            lines.append("")
         more = (*lidar_to_toml(self.lidar), *options_to_toml(self.options.changed()))
         return "\n".join([*lines, *more])
 
