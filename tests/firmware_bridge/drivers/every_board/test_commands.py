@@ -24,7 +24,7 @@ def test_drives_and_reads_back(name, url):
             state = rig.driver.state()
             return abs(state.v - 0.4) < 0.02 and abs(state.omega - 0.5) < 0.1
 
-        assert until(as_told)
+        assert until(as_told, 60.0)
         rig.drive(0.4, 0.5, 0.3)
         now = time.monotonic()
         assert until(lambda: rig.driver.state().stamp > now)
