@@ -42,11 +42,6 @@ WRITERS: dict[str, Callable[[Path, Drive], Path]] = {
     "a.tum": write_tum,
     "e.csv": write_euroc,
 }
-NEEDS = {
-    **dict.fromkeys(("sqlite", "mcap", "poses", "tf", "one.bag", "two.bag"), "rosbags"),
-    "a.tlog": "pymavlink",
-    "a.ulg": "pyulog",
-}
 
 
 def load(folder: Path, name: str, made: Path, **how: Any) -> kl.Dataset:
@@ -56,8 +51,6 @@ def load(folder: Path, name: str, made: Path, **how: Any) -> kl.Dataset:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_drive_is_the_same_in_every_format(tmp_path: Path, name: str) -> None:
-    if name in NEEDS:
-        pytest.importorskip(NEEDS[name])
     made = WRITERS[name](tmp_path / name, DRIVE)
     (episode,) = load(tmp_path, name, made).episodes
     log = read_log(
@@ -85,7 +78,6 @@ def test_a_file_without_an_ending_is_known_by_its_first_bytes(tmp_path: Path) ->
 
 
 def test_a_folder_means_the_logs_in_it(tmp_path: Path) -> None:
-    pytest.importorskip("rosbags")
     folder = tmp_path / "drives"
     folder.mkdir()
     write_csv(folder / "a.csv", DRIVE)
@@ -101,12 +93,7 @@ def test_a_folder_means_the_logs_in_it(tmp_path: Path) -> None:
 # bags
 
 
-@pytest.fixture
-def bags() -> Any:
-    return pytest.importorskip("rosbags")
-
-
-def test_topics_are_chosen_where_several_could_be_meant(tmp_path: Path, bags: Any) -> None:
+def test_topics_are_chosen_where_several_could_be_meant(tmp_path: Path) -> None:
     two = write_bag(tmp_path / "two", DRIVE, odoms=["/left/odom", "/right/odom"])
     with pytest.raises(kl.DataError, match="2 topics.*--topics odom=/left/odom"):
         kl.Dataset.load(two)
@@ -122,20 +109,20 @@ def test_topics_are_chosen_where_several_could_be_meant(tmp_path: Path, bags: An
     assert "commands: /cmd_vel (" in read_log(usual).notes[0]
 
 
-def test_odometry_alone_gives_measured_speeds_and_says_so(tmp_path: Path, bags: Any) -> None:
+def test_odometry_alone_gives_measured_speeds_and_says_so(tmp_path: Path) -> None:
     made = write_bag(tmp_path / "bag", QUIET, cmds=[])
     log = read_log(made)
     assert log.measured and any("measured speeds" in note for note in log.notes)
     np.testing.assert_allclose(log.commands.values, 0.1)
 
 
-def test_stamps_of_another_clock_are_not_used(tmp_path: Path, bags: Any) -> None:
+def test_stamps_of_another_clock_are_not_used(tmp_path: Path) -> None:
     made = write_bag(tmp_path / "bag", DRIVE, clock=-900.0)
     log = read_log(made)
     np.testing.assert_allclose(log.poses.time, DRIVE.time, atol=1e-6)
 
 
-def test_an_empty_topic_is_named(tmp_path: Path, bags: Any) -> None:
+def test_an_empty_topic_is_named(tmp_path: Path) -> None:
     made = write_bag(tmp_path / "bag", QUIET, pose="tf")
     with pytest.raises(kl.DataError, match="no topic with a command.*/cmd_vel: no messages"):
         kl.Dataset.load(made)
@@ -151,7 +138,6 @@ def test_outputs_stand_in_for_speeds_and_that_is_reported(tmp_path: Path) -> Non
 
 
 def test_sticks_stand_in_for_set_points_and_that_is_reported(tmp_path: Path) -> None:
-    pytest.importorskip("pymavlink")
     log = read_log(write_tlog(tmp_path / "a.tlog", DRIVE, "sticks"))
     assert any("shares of full throttle" in note for note in log.notes)
     np.testing.assert_allclose(log.commands.values[-1] * [1.0, 2.0], DRIVE.commands[-1], atol=0.01)
@@ -170,8 +156,6 @@ def test_sticks_stand_in_for_set_points_and_that_is_reported(tmp_path: Path) -> 
 def test_what_is_no_log_is_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, content: bytes, told: str
 ) -> None:
-    for needed in {"a.tlog": "pymavlink", "a.ulg": "pyulog", "a.mcap": "rosbags"}.values():
-        pytest.importorskip(needed)
     (tmp_path / name).write_bytes(content)
     with pytest.raises(kl.DataError, match=told) as caught:
         kl.Dataset.load(tmp_path / name)
@@ -183,8 +167,6 @@ def test_what_is_no_log_is_one_line(
     "ending", ["csv", "npz", "tum", "bin", "tlog", "ulg", "bag", "mcap", "db3"]
 )
 def test_pipes_and_devices_are_not_opened(tmp_path: Path, ending: str) -> None:
-    for needed in ("pymavlink", "pyulog", "rosbags"):
-        pytest.importorskip(needed)
     os.mkfifo(tmp_path / f"pipe.{ending}")
     (tmp_path / f"zero.{ending}").symlink_to("/dev/zero")
     for name in ("pipe", "zero"):
@@ -216,8 +198,6 @@ def test_a_damaged_px4_log_is_not_read_for_ever(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["a.bin", "a.tlog"])
 def test_torn_and_bent_logs_never_do_more_than_refuse(tmp_path: Path, name: str) -> None:
-    if name in NEEDS:
-        pytest.importorskip(NEEDS[name])
     whole = WRITERS[name](tmp_path / name, drive(3.0)).read_bytes()
     random = np.random.default_rng(0)
     for trial in range(25):
