@@ -1,11 +1,16 @@
-"""The boards that can be driven: one record for each, which all tables of boards follow."""
+"""The boards that can be driven: one record for each, which all tables of boards follow.
+
+Other distributions add theirs by an entry point ``kmpc.boards``: ``name = "module:DriverClass"``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
+from importlib import import_module, metadata
 from typing import Any
+
+from firmware_bridge.messages import ConfigError
 
 ROSBOT = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
 """Geometry of a ROSbot 2 [m, m, m/s]: on it emulated boards are measured and attacked."""
@@ -34,7 +39,7 @@ class BoardEntry:
     """``[geometry]`` of an emulated robot."""
 
 
-BOARDS = {
+OWN = {
     board.name: board
     for board in (
         BoardEntry(
@@ -54,11 +59,7 @@ BOARDS = {
             "firmware_bridge.drivers.roboclaw:RoboClawDriver",
             options={"counts_per_turn": 1440.0},
         ),
-        BoardEntry(
-            "odrive",
-            "ODrive",
-            "firmware_bridge.drivers.odrive:ODriveDriver",
-        ),
+        BoardEntry("odrive", "ODrive", "firmware_bridge.drivers.odrive:ODriveDriver"),
         BoardEntry(
             "vesc",
             "VESC",
@@ -95,9 +96,20 @@ BOARDS = {
     )
 }
 """By name, in the order in which they are listed."""
+BOARDS = OWN | {
+    # which wheels such a board drives, it knows itself
+    it.name: BoardEntry(it.name, it.name, it.value, wheels=("differential", "car", "omni"))
+    for it in metadata.entry_points(group="kmpc.boards")
+}
+"""Those, and what other distributions add."""
 
 
 def load(where: str) -> Any:
-    """Import what a record names as MODULE:CLASS."""
-    module, name = where.split(":")
-    return getattr(import_module(module), name)
+    """Import what a record names as MODULE:CLASS; ConfigError says what is wrong with it."""
+    module, _, name = where.partition(":")
+    try:
+        return getattr(import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        if where.startswith(__name__.partition(".")[0]):  # an extra is missing, which is told
+            raise
+        raise ConfigError(f"link.driver: cannot import {where}: {error}") from error

@@ -6,7 +6,6 @@ from firmware_bridge.link.protocol import OnBytes, Transport
 from firmware_bridge.link.ration import Ration
 from firmware_bridge.link.sockets import TcpEndpoint, UdpEndpoint
 from firmware_bridge.link.threaded import ThreadedTransport
-from firmware_bridge.link.tty import SPEEDS, TtyEndpoint
 from firmware_bridge.link.url import LinkUrl
 
 __all__ = ["OnBytes", "Transport", "open_transport"]
@@ -31,11 +30,14 @@ def open_transport(url: str, ration: Ration | None = None) -> Transport:
     """
     link = LinkUrl.parse(url)
     if link.kind in ("serial", "pty"):
+        # here, for other links go without pyserial
+        from firmware_bridge.link.serial_port import FASTEST, OF_A_TERMINAL, SLOWEST, SerialEndpoint
+
         link.allow("baud", *(("dtr",) if link.kind == "serial" else ()))
-        default = DEFAULT_BAUD if link.kind == "serial" else None
-        baud = int(link.number("baud", 0.0, min(SPEEDS), max(SPEEDS))) or default
+        default = DEFAULT_BAUD if link.kind == "serial" else OF_A_TERMINAL
+        baud = int(link.number("baud", default, SLOWEST, FASTEST))
         dtr = bool(link.number("dtr", 0, 0, 1)) if "dtr" in link.options else None
-        return ThreadedTransport(TtyEndpoint(link.path(), baud, link.kind == "serial", dtr))
+        return ThreadedTransport(SerialEndpoint(link.path(), baud, link.kind == "serial", dtr))
     if link.kind == "tcp":
         link.allow()
         return ThreadedTransport(TcpEndpoint(*link.address()), ration=ration)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import socket
 import termios
+import tty
 
 from firmware_bridge.link import Transport
 from firmware_bridge.link.sockets import TcpPort, UdpEndpoint
 from firmware_bridge.link.threaded import Endpoint, Port, ThreadedTransport
-from firmware_bridge.link.tty import SPEEDS, make_raw
 from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import ConfigError, LinkError
 
@@ -28,7 +28,7 @@ class PtyPort:
         self._master, self._slave = os.openpty()
         try:
             os.set_blocking(self._master, False)
-            make_raw(self._slave, None)  # at once, before the terminal echoes the first byte
+            tty.setraw(self._slave)  # at once, before the terminal echoes the first byte
             self._name = os.ttyname(self._slave)
             ours = os.path.realpath(path) == self._name  # who was killed had the same terminal
             if os.path.islink(path) and (ours or not os.path.exists(path)):
@@ -143,7 +143,10 @@ def line_speed(transport: Transport) -> int | None:
     endpoint = transport.endpoint if isinstance(transport, ThreadedTransport) else None
     if not isinstance(endpoint, PtyEndpoint) or endpoint.port is None:
         return None
-    return {constant: rate for rate, constant in SPEEDS.items()}.get(endpoint.port.speed)
+    from serial import Serial  # here, for other links go without pyserial
+
+    rates = {number: rate for rate, number in Serial.BAUDRATE_CONSTANTS.items()}
+    return rates.get(endpoint.port.speed)
 
 
 def serve(url: str) -> Transport:

@@ -19,6 +19,7 @@ EXTRAS = {
     "pymavlink": BRIDGE,
     "pyulog": LOGS,
     "rclpy": "kmpc-lite[ros2-test]",
+    "serial": BRIDGE,
     "rosbags": LOGS,
 }
 """Distribution and extra of it that bring a module."""

@@ -5,8 +5,9 @@ import os
 import termios
 
 import pytest
+from serial.serialposix import TIOCM_DTR_str as DTR
 
-from firmware_bridge.link.tty import DTR, TtyPort
+from firmware_bridge.link.serial_port import SerialPort
 
 
 @pytest.mark.parametrize("on", [False, True])
@@ -21,12 +22,14 @@ def test_it_is_set_and_set_back(on, monkeypatch):
         return real(fd, request, *more)
 
     monkeypatch.setattr(fcntl, "ioctl", ioctl)
-    port = TtyPort(os.ttyname(slave), None, False, on)
-    assert done == [(on, DTR)]
+    port = SerialPort(os.ttyname(slave), 9600, False, on)
+    assert {held for held, line in done if line == DTR} == {on}
+    done.clear()
     port.close()
-    assert done == [(on, DTR), (not on, DTR)]
-    TtyPort(os.ttyname(slave), None, False).close()
-    assert len(done) == 2
+    assert done == [(not on, DTR)]
+    done.clear()
+    SerialPort(os.ttyname(slave), 9600, False).close()
+    assert (False, DTR) not in done
     os.close(master)
     os.close(slave)
 
@@ -35,7 +38,7 @@ def test_a_port_that_has_no_such_line_is_reported_and_not_left_open():
     master, slave = os.openpty()
     before = len(os.listdir("/proc/self/fd"))
     with pytest.raises(OSError):
-        TtyPort(os.ttyname(slave), None, False, False)
+        SerialPort(os.ttyname(slave), 9600, False, False)
     assert len(os.listdir("/proc/self/fd")) == before
     os.close(master)
     os.close(slave)

@@ -7,7 +7,7 @@ import pytest
 from lidars import lidar_pair
 from waiting import until
 
-from firmware_bridge.link.tty import TtyEndpoint
+from firmware_bridge.link.serial_port import SerialEndpoint
 from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.sensors.lidar.kinds import lidar_transport, open_lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
@@ -141,7 +141,8 @@ def test_an_a2_has_its_motor_turned_and_stopped_by_pwm(tmp_path):
 def test_a_serial_line_is_set_to_the_lidar_unless_given(monkeypatch):
     made = []
     monkeypatch.setattr(
-        "firmware_bridge.link.TtyEndpoint", lambda *how: made.append(how) or TtyEndpoint(*how)
+        "firmware_bridge.link.serial_port.SerialEndpoint",
+        lambda *how: made.append(how) or SerialEndpoint(*how),
     )
     for driver, link in (
         ("rplidar", "serial:/dev/ttyUSB0"),

@@ -1,0 +1,145 @@
+"""Serial ports and pseudo-terminals, by pyserial: raw 8N1 at any speed, exclusive, by path."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import grp
+import os
+import termios
+
+from serial import Serial, SerialException
+from serial.tools import list_ports
+
+from firmware_bridge.link.threaded import Endpoint, Port
+from firmware_bridge.messages import LinkError
+
+SLOWEST, FASTEST = 300, 12_000_000
+"""Bits per second that a port may be asked for."""
+OF_A_TERMINAL = 38400
+"""Bits per second of a pseudo-terminal, which has no wire, as the system makes it."""
+READ_BYTES = 1024
+"""Read at once: little, so that whoever takes it in is soon done."""
+
+
+def explain(path: str, error: OSError) -> str:
+    """Say why a port cannot be opened, and what to do."""
+    number = error.errno
+    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
+        seen = sorted(port.device for port in list_ports.comports(include_links=True))
+        return (
+            f"{path}: no such port: is the cable in and the board powered? ports here: "
+            f"{', '.join(seen) or 'none'}"
+        )
+    if number in (errno.EACCES, errno.EPERM):
+        try:
+            group = grp.getgrgid(os.stat(path).st_gid).gr_name
+        except (OSError, KeyError):
+            group = "dialout"
+        return f"{path}: no permission: run 'sudo usermod -aG {group} $USER' and log in again"
+    if number in (errno.EBUSY, errno.EWOULDBLOCK):
+        return (
+            f"{path}: in use by another program: stop the other bridge, "
+            "ground station or ModemManager"
+        )
+    if number in (errno.ENOTTY, errno.EISDIR, errno.EINVAL, None):
+        return f"{path}: not a serial port"
+    return f"{path}: {os.strerror(number)}"
+
+
+class SerialPort:
+    """An open port.
+
+    Parameters
+    ----------
+    path : str
+        Of the device or of a link to it.
+    baud : int
+        Bits per second.
+    exclusive : bool
+        Forbid other programs to open it, as well as locking it. Not for pseudo-terminals: there the
+        mark would outlive a process that dies.
+    dtr : bool or None
+        What the line DTR is while the port is open; the opposite when it is closed. None leaves it
+        as the system sets it.
+    """
+
+    def __init__(
+        self, path: str, baud: int, exclusive: bool = False, dtr: bool | None = None
+    ) -> None:
+        self._path, self._dtr = path, dtr
+        self._port = Serial(None, baud, timeout=0, exclusive=True)
+        self._port.port = path
+        if dtr is not None:
+            self._port.dtr = dtr
+        self._port.open()
+        try:
+            if dtr is not None:  # again, for a port without such a line is passed over at first
+                self._port.dtr = dtr
+            if exclusive:
+                fcntl.ioctl(self._port, termios.TIOCEXCL)
+            *modes, control = termios.tcgetattr(self._port)
+            control[termios.VMIN] = 1  # an empty read means hang-up, not "nothing yet"
+            modes[2] &= ~termios.HUPCL  # closing drops no DTR, which resets some boards
+            termios.tcsetattr(self._port, termios.TCSANOW, [*modes, control])
+        except (OSError, termios.error) as error:
+            self._port.close()
+            raise OSError(*error.args) from error
+
+    def fileno(self) -> int:
+        """Descriptor to poll."""
+        return int(self._port.fileno())
+
+    def read(self) -> bytes:
+        """Take what has arrived."""
+        try:
+            data = os.read(self.fileno(), READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise LinkError(f"{self._path}: lost: unplugged? ({error.strerror})") from error
+        if not data:
+            raise LinkError(f"{self._path}: lost: unplugged?")
+        return data
+
+    def write(self, data: memoryview) -> int:
+        """Bytes that the port took."""
+        try:
+            return os.write(self.fileno(), data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise LinkError(f"{self._path}: lost: unplugged? ({error.strerror})") from error
+
+    def close(self) -> None:
+        """Close the descriptor, which gives the lock back too."""
+        try:
+            if self._dtr is not None:
+                self._port.dtr = not self._dtr
+        except OSError:
+            pass  # it is unplugged: there is no line to set
+        self._port.close()
+
+
+class SerialEndpoint(Endpoint):
+    """A port by its path, so that /dev/serial/by-id/... finds a board again after a replug.
+
+    Parameters
+    ----------
+    path, baud, exclusive, dtr
+        As `SerialPort` takes them.
+    """
+
+    def __init__(
+        self, path: str, baud: int, exclusive: bool = False, dtr: bool | None = None
+    ) -> None:
+        self._path, self._how = path, (baud, exclusive, dtr)
+
+    def open(self) -> Port:
+        """Open, lock, set and flush the port."""
+        try:
+            if os.path.isfile(self._path):
+                raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+            return SerialPort(self._path, *self._how)
+        except (SerialException, OSError) as error:
+            raise LinkError(explain(self._path, error)) from error
