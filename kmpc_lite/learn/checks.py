@@ -257,11 +257,11 @@ def _turns_the_other_way(case: Case) -> str | None:
 
 def _both_units(case: Case) -> str | None:
     """The robot moves and turns by the same strange factor: of t, or of both commands."""
-    moves, turns, low_high = case.moves, case.turns, (0.5, 2.0)
+    moves, turns = case.moves, case.turns
     if not (moves.sure and turns.sure) or case.is_usual(moves) or _time_unit(case):
         return None
     by, other = abs(moves.factor), abs(turns.factor)
-    if not low_high[0] < by / other < low_high[1] or case.log.shares:
+    if not 0.5 < by / other < 2.0 or case.log.shares:
         return None
     if not case.log.wheel_speeds:
         return (
@@ -462,13 +462,7 @@ def _find_still(log: Log) -> str | None:
 
 
 def refuse_frozen(dataset: Dataset) -> None:
-    """Refuse a log whose poses never move though commands are given.
-
-    Raises
-    ------
-    DataError
-        Says so.
-    """
+    """Raise DataError for a log whose poses never move though commands are given."""
     moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
     if moved <= 1e-9 < float(np.abs(dataset.inputs).max(initial=0.0)):
         raise DataError(NEVER_MOVES)
@@ -481,13 +475,7 @@ are needed; share of its usual turn gain below which a robot does not turn on th
 
 
 def refuse_car_like(dataset: Dataset) -> None:
-    """Refuse a robot that is commanded to turn on the spot and does not, however late it answers.
-
-    Raises
-    ------
-    DataError
-        With what the log shows.
-    """
+    """Raise DataError for a robot that is told to turn on the spot and does not, however late."""
     delay = mean_delay(dataset)
     answered = aligned(dataset, delay) if delay else dataset
     length = max(1, round(SPOT / dataset.dt))

@@ -74,22 +74,15 @@ def _ladder(terms: tuple[str, ...], **steps: str) -> Ladder:
     return {n: tuple(sorted(terms.index(t) for t in told.split())) for n, told in steps.items()}
 
 
-_TURNS = "v omega v*omega omega*|omega| omega^3 v^2*omega"
+_BOTH, _TURNS = "v omega v*omega", "v omega v*omega omega*|omega| omega^3 v^2*omega"
+_BY_SPEED = "v omega v*omega v*|omega| v*omega^2 v*|v|"
 DIFFERENTIAL = (
     # its own gain; a turning centre beside the pose; what is even in omega or saturates
-    _ladder(
-        TERMS,
-        gain="v",
-        gains="v omega",
-        product="v omega v*omega",
-        slip="v omega v*omega v*|omega| v*omega^2 v*|v|",
-    ),
+    _ladder(TERMS, gain="v", gains="v omega", product=_BOTH, slip=_BY_SPEED),
     # a heading that is off; a turning centre ahead of the pose; what is odd in omega
-    _ladder(
-        TERMS, offset="v", centre="omega", gains="v omega", product="v omega v*omega", slip=_TURNS
-    ),
+    _ladder(TERMS, offset="v", centre="omega", gains="v omega", product=_BOTH, slip=_TURNS),
     # its own gain; a robot that draws to one side; what is odd in omega
-    _ladder(TERMS, gain="omega", gains="v omega", product="v omega v*omega", slip=_TURNS),
+    _ladder(TERMS, gain="omega", gains="v omega", product=_BOTH, slip=_TURNS),
 )
 CAR = (
     _ladder(TERMS, gain="v"),
@@ -105,21 +98,10 @@ CAR = (
     ),
 )
 _EVERY = "v lateral omega"
+_AHEAD, _ASIDE = f"{_EVERY} lateral*omega v*|v|", f"{_EVERY} v*omega lateral*|lateral|"
 OMNI = (
-    _ladder(
-        OMNI_TERMS,
-        gain="v",
-        centre="v omega",
-        gains=_EVERY,
-        slip=f"{_EVERY} lateral*omega v*|v|",
-    ),
-    _ladder(
-        OMNI_TERMS,
-        gain="lateral",
-        centre="lateral omega",
-        gains=_EVERY,
-        slip=f"{_EVERY} v*omega lateral*|lateral|",
-    ),
+    _ladder(OMNI_TERMS, gain="v", centre="v omega", gains=_EVERY, slip=_AHEAD),
+    _ladder(OMNI_TERMS, gain="lateral", centre="lateral omega", gains=_EVERY, slip=_ASIDE),
     _ladder(OMNI_TERMS, gain="omega", gains=_EVERY, slip=f"{_EVERY} omega*|omega|"),
 )
 """Of forward speed, sideways speed and turn rate, in the order of the rows."""
@@ -215,19 +197,18 @@ def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int]
     if dataset.steered:
         every = weighed(every, every)
     rows, condition = _fit_rows(every, chooser, chosen)
+    found_by = {"blocks": len(judged.blocks), "windows": fitted.count, "longest": fitted.longest}
     return Selection(
         smoothing,
         limits,
-        len(judged.blocks),
-        rows,
-        speed,
-        turn,
-        tuple(doubts),
-        fitted.longest,
-        chosen,
-        fitted.count,
-        condition,
-        dataset.steered,
+        rows=rows,
+        speed=speed,
+        turn=turn,
+        doubts=tuple(doubts),
+        directions=chosen,
+        condition=condition,
+        steered=dataset.steered,
+        **found_by,
     )
 
 
