@@ -189,6 +189,7 @@ class Pipeline:
             reference=self._guiding.towards_goal(state, seen)
             if guidance is None
             else guidance.states,
+            to_goal=guidance is None,
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             late=0 if known.capabilities is None else known.capabilities.late,
             curvature=state.history.curvature,

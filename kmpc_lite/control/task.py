@@ -34,6 +34,8 @@ class Task(NamedTuple):
     """The noise, as past innovations inflate it; given with `margins`."""
     reference: Array = NO_REFERENCE
     """(N + 1, 3) states to steer for."""
+    to_goal: bool = False
+    """Whether that is the goal itself, however far, at every stage."""
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""

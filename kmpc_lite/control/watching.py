@@ -55,6 +55,7 @@ class Watching:
         self._view = partial(View, self._sight)
         self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
         self._tracking = Tracking(units, options)
+        self._weighs = options.pose.weighed
 
     def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Compare pose and circles with what was expected of them.
@@ -96,7 +97,7 @@ class Watching:
 
         None either where poses are measured better than any period can be predicted.
         """
-        if pose is None or known.margins is None:
+        if pose is None or known.margins is None or not self._weighs:
             return None
         moved, measured = known.margins.noise.of_pose(state.innovation)
         if (measured.diagonal() <= moved.diagonal()).all():

@@ -51,9 +51,9 @@ def export(
 ) -> Path:
     """Write a controller as C99: one folder that a microcontroller's build takes in.
 
-    It is `Controller(model, problem, guidance=False, adaptation=False)`: it steers for its goal
-    past circles, keeps margins, and is always able to stop. `make test` in the folder checks it
-    against that controller's answers on a recorded drive.
+    It is `Controller(model, problem, guidance=False, adaptation=False)` that takes poses as they
+    are measured: it steers for its goal past circles, keeps margins, and is always able to stop.
+    `make test` in the folder checks it against that controller's answers on a recorded drive.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,7 @@ def sizes_of(controller: Controller, qp: NavigationQP) -> dict[str, int]:
         "KMPC_SLOTS_USED": qp.slots,
         "KMPC_LAST_WEIGHT": _last_weight(qp),
         "KMPC_LAST_WEIGHTS": LAST_WEIGHTS,
+        "KMPC_TURNS": max(units.horizon - 1, 1),
         "KMPC_SLACK_ROW": int(qp.slack_rows[0]),
         "KMPC_CHANGE_ROW": int(qp.change_rows.ravel()[0]) if qp.change_rows.size else 0,
     }
@@ -137,6 +139,8 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "q": qp.q,
         "next_stage": qp.next_stage,
         "last_weight": qp.P.data[(first := _last_weight(qp)) : first + LAST_WEIGHTS],
+        "turn_place": qp.turn_places if len(qp.turn_places) else np.zeros(1, dtype=int),
+        "turn_weight": qp.numbers.turn_weight,
     } | _along_path(controller)
 
 
@@ -208,13 +212,14 @@ def controller_of(
 ) -> Controller:
     """Make the controller in Python that the C code is."""
     check_can_be_exported(model, problem)
+    tuning = options or ControllerOptions()
     return Controller(
         model,
         problem,
         guidance=False,
         adaptation=False,
         tightening="learned" if tightening else None,
-        options=options,
+        options=replace(tuning, pose=replace(tuning.pose, weighed=False)),
     )
 
 

@@ -28,9 +28,9 @@ class Vector(NamedTuple):
 def recorded_vectors(controller: Controller, steps: int = STEPS) -> list[Vector]:
     """Drive a controller past two circles, one of which moves, and two steps that are refused.
 
-    Sizes follow the robot: circles are as large as it is, and lie beside its way, which is as long
-    as it drives in a few seconds. (Right in its way they would make a plan hang between two sides,
-    where the last bit of a number decides.)
+    Sizes follow the robot: circles are as large as it is, and lie on the right of its way, which
+    turns left and is as long as it drives in a few seconds. (Before it they would make a plan hang
+    between two sides, where the last bit of a number decides.)
     """
     problem, model = controller.problem, controller.model
     speed, radius = float(max(problem.u_max[0], -problem.u_min[0])), problem.robot_radius
@@ -48,7 +48,7 @@ def recorded_vectors(controller: Controller, steps: int = STEPS) -> list[Vector]
         moving = middle + (0.3 * half[0], -half[1] + 0.1 * speed * problem.dt * k)
         circles = np.array(
             [
-                [*(middle - 0.35 * half + (-1.5 * radius, 1.5 * radius)), radius, 0.0, 0.0],
+                [*(middle - 0.35 * half + (0.7 * radius, -0.7 * radius)), radius, 0.0, 0.0],
                 [*moving, radius, 0.0, 0.1 * speed],
             ]
         )

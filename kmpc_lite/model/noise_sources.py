@@ -62,23 +62,14 @@ class NoiseSources:
         sources.check()
         return sources
 
-    def open_loop(self, inputs: Array, dt: float, measured: bool = True) -> Array:
+    def open_loop(self, inputs: Array, dt: float) -> Array:
         """Variances along, across and of the heading after each period, (..., T, 3).
 
-        Parameters
-        ----------
-        inputs : ndarray
-            Commands (..., T, 2).
-        dt : float
-            Period [s].
-        measured : bool
-            Whether the end is a measured pose, whose noise counts too.
+        Both ends are measured, whose noise counts. Commands (..., T, 2), period [s].
         """
-        terms, variances = design(inputs, dt), self.as_array()
-        out: Array = terms @ variances
+        variances = self.as_array()
+        out: Array = design(inputs, dt) @ variances
         out[..., 1] += design_across(inputs, dt) @ variances[:, 2]
-        if not measured:
-            out -= self.pose + speeds(inputs)[..., :1] ** 2 * self.pose_by_speed
         return out
 
 

@@ -116,6 +116,12 @@ def fill(keep, margins, numbers, lin, plan, around):
     _write(numbers, lin._replace(value=lin.value - origin), local, plan.inputs, chosen, offsets)
     np.matmul(plan.reference[1:-1] - origin, numbers.weight, out=numbers.pull[:-1])
     np.matmul(plan.reference[-1] - origin, numbers.weight_terminal, out=numbers.pull[-1])
+    off = plan.reference[1:] - states[1:]
+    gains = -np.vstack([off[:-1] @ numbers.weight, off[-1:] @ numbers.weight_terminal])[:, :2]
+    later = np.cumsum(gains[::-1], axis=0)[::-1][1:]
+    bends = (later * np.diff(states, axis=0)[1:, :2]).sum(axis=1).clip(min=0.0) * plan.to_goal
+    numbers.turn[:] = numbers.turn_weight + bends
+    numbers.pull[:-1, 2] -= bends * states[1:-1, 2]
 
 
 def _margins(margins, count, lin, plan, clearances, normals):

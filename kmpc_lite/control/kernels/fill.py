@@ -70,6 +70,10 @@ class Numbers(NamedTuple):
     """(3, 3) by which references enter `pull`, at the stages before the last one ..."""
     weight_terminal: Array
     """(3, 3) ... and at the last."""
+    turn: Array
+    """Written: (N - 1,) of the quadratic cost: of each heading but the last."""
+    turn_weight: float
+    """What it is where no way bends."""
     scale: float
     """Factor of the half-planes' rows."""
     open_bound: float
@@ -87,6 +91,8 @@ class Iterate(NamedTuple):
     """(N + 1, 3)."""
     speeds: Array
     """(N, 2) of the inputs, and turn rates."""
+    to_goal: bool
+    """Whether the reference is the goal itself at every stage."""
 
 
 class Around(NamedTuple):

@@ -103,7 +103,7 @@ def fill(
         NO_NOISE if margins is None else margins.noise
     )
     widest, far, side, path = (0.0, 0.0, 0.0, NOTHING) if margins is None else margins[1:]
-    *arrays, scale, open_bound = numbers
+    *arrays, turn, turn_weight, scale, open_bound = numbers
     c.fill(
         *map(_dense, (*lin, *plan[:3], *around)),
         keep.side_normals,
@@ -113,6 +113,7 @@ def fill(
         _dense(plan.speeds),
         path,
         *noise,
+        turn,
         stages,
         lin.B_past.shape[1],
         keep.slots,
@@ -134,6 +135,8 @@ def fill(
         widest,
         far,
         side,
+        turn_weight,
+        plan.to_goal,
     )
 
 

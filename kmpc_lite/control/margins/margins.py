@@ -76,20 +76,6 @@ class Margins:
     ------
     ProblemError
         For a damaged table of quantiles in the model.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from kmpc_lite import nominal_unicycle
-    >>> model = nominal_unicycle(0.1)
-    >>> margins = Margins(model, NavigationProblem())
-    >>> inputs = np.tile([0.6, 0.0], (20, 1))
-    >>> states = model.rollout((0.0, 0.0, 0.0), inputs)
-    >>> lin, left = model.linearize(states[:-1], inputs), np.tile([0.0, 1.0], (20, 4, 1))
-    >>> calm = margins.calm
-    >>> found = margins.of_plan(calm, lin, states, inputs, left)
-    >>> found.shape, float(found[0, 0].round(4))
-    ((20, 4), 0.068)
     """
 
     def __init__(

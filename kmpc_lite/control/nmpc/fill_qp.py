@@ -82,6 +82,7 @@ class FillQP:
                     np.full(len(inputs), path) if isinstance(path, float) else np.ravel(path)
                 ),
             )
-        plan = Iterate(states, inputs, task.reference, speeds(inputs))
+        plan = Iterate(states, inputs, task.reference, speeds(inputs), task.to_goal)
         around = Around(task.around.things, points, gaps, away)
         library.fill(self.keep_out, margins, qp.numbers, lin, plan, around)
+        qp.P.data[qp.turn_places] = qp.numbers.turn

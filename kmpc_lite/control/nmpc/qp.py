@@ -55,6 +55,9 @@ class QPCost:
 
     def __init__(self, problem: NavigationProblem) -> None:
         q, r, q_terminal = (sp.csc_matrix(2 * weight) for weight in problem.weights)
+        weight = q.toarray()
+        places = np.nonzero((weight != 0.0) | np.diag([False, False, True]))  # it may bend
+        q = sp.csc_matrix((weight[places], places), shape=weight.shape)
         commands = sp.kron(sp.eye(problem.horizon), r)
         if problem.change_weight.any():
             to_last = sp.diags([1.0, -1.0], [0, -1], shape=(problem.horizon, problem.horizon))
@@ -73,6 +76,8 @@ class QPCost:
         first = self.P.indptr[STATES * (n - 1)]
         self._last = self.P.data[first : first + STATES * (STATES + 1) // 2]
         self._whole = q_terminal.toarray().T[np.tril_indices(STATES)]
+        self.turn_places = self.P.indptr[STATES * np.arange(1, n)] - 1
+        """Where the headings before the last one stand among the entries of P, (N - 1,)."""
         self.pull_terminal, self.terminal_share = np.empty((STATES, STATES)), -1.0
         self.set_terminal_share(1.0)
 
@@ -144,7 +149,7 @@ class NavigationQP:
             self.next_stage[part] = np.concatenate([part[1:], part[-1:]])
         places = self._build_constraints()
         self.cost = QPCost(problem)
-        self.P, self.q = self.cost.P, self.cost.q
+        self.P, self.q, self.turn_places = self.cost.P, self.cost.q, self.cost.turn_places
         self.pull_last, self._wanted = -2.0 * problem.change_weight, np.zeros(self.inputs)
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
@@ -160,6 +165,8 @@ class NavigationQP:
             start=np.zeros(self.size),
             weight=self.cost.pull,
             weight_terminal=self.cost.pull_terminal,
+            turn=np.zeros(n - 1),
+            turn_weight=float(2.0 * problem.weights[0][2, 2]),
             scale=HALF_PLANE_SCALE,
             open_bound=OPEN,
         )

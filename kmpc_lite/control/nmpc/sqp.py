@@ -232,7 +232,7 @@ class SQP:
             qp.A.data,
             qp.numbers.start,
             guess.duals,
-            Px=None if qp.cost.terminal_share == 1.0 else qp.P.data,
+            Px=qp.P.data if task.to_goal or qp.cost.terminal_share != 1.0 else None,
             time_limit=limit,
         )
         solved = self.clock()

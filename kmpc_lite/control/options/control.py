@@ -53,6 +53,8 @@ class PoseOptions:
     slip: float = share(1.0)
     """How much more difference slipping wheels may make, as a share of the commanded distance: all
     of it where they slide or spin."""
+    weighed: bool = switch(True)
+    """Whether measured poses and predicted ones are weighed by their noise."""
     agreement: float = seconds(2.0)
     """Poses that jumped are believed once they have agreed with each other for this long [s], which
     is longer than errors of a second last. Zero: they are believed at once."""

@@ -108,11 +108,6 @@ class Tracks:
         return out
 
     @property
-    def position_deviations(self) -> Array:
-        """(M,) standard deviation of the position along its worst axis [m]."""
-        return _worst_axis(self.covariances[:, :2, :2])
-
-    @property
     def velocity_deviations(self) -> Array:
         """(M,) standard deviation of the velocity along its worst axis [m/s]."""
         return _worst_axis(self.covariances[:, 2:4, 2:4])

@@ -30,6 +30,8 @@ struct kmpc_numbers {
     real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
     int next_stage[KMPC_ROWS];
     real last_weight[KMPC_LAST_WEIGHTS]; /* of P: of the last state */
+    int turn_place[KMPC_TURNS];          /* of P: of the headings before it */
+    real turn_weight;
     /* along a path */
     int late; /* periods until a command has had half of its effect */
     real forward[2], backward[2], wheel_arm, wheel_speed, deceleration, lead_time, free_turn;
@@ -55,12 +57,15 @@ struct kmpc_way {
     real reference[3 * (KMPC_N + 1)];  /* states to steer for */
     real clearance[KMPC_N];            /* that the path keeps at stages 1 to N */
     real share_at_goal;                /* of these stages whose reference is at the goal */
+    int to_goal;                       /* whether that is the goal itself, however far */
 };
 void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past,
                       const real *coming, int things, const real *thing, struct kmpc_way *way);
 
 /* solve.c: at most `most` passes, at least `least` */
 real kmpc_clip(real value, real least, real most);
+real kmpc_nearest_turn(real angle);
+int kmpc_all_within(const real *numbers, int count, real most); /* no NaN either */
 struct kmpc_iterate {
     real states[KMPC_N + 1][3], inputs[KMPC_N][2], duals[KMPC_ROWS];
 };

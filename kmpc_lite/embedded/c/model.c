@@ -9,7 +9,8 @@
 #define L kmpc_model
 
 /* Terms of a filtered command (KMPC_TERMS,), and their derivatives (KMPC_TERMS, 2). Turning either
- * way costs speed, which is predicted and not steered with: by a turn rate's size none changes. */
+ * way costs speed, which is predicted and not steered with: by a turn rate's size and its square
+ * none changes. */
 static void terms_of(const real *answered, real *out, real *slope)
 {
     real inside[2];
@@ -33,7 +34,7 @@ static void terms_of(const real *answered, real *out, real *slope)
         {0, 1},
         {o, v},
         {size, 0},
-        {oo, 2 * v * o},
+        {oo, 0},
         {v_size + v * v_slope, 0},
         {0, size + o * size_slope},
         {0, 3 * oo},
@@ -70,19 +71,14 @@ static struct kmpc_motion form(void)
     return motion;
 }
 
-static void to_metres(const real *state, real *out)
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = state[i] * K.state[i];
-}
-
 void kmpc_model_linearize(const real *states, const real *window, int count, real *value,
                           real *by_x, real *by_u, real *by_past)
 {
     const struct kmpc_motion motion = form();
     for (int k = 0; k < count; k++, value += 3, by_x += 9, by_u += 6, by_past += 6 * KMPC_L) {
         real x[3], w[KMPC_TERMS], slope[2 * KMPC_TERMS], by_w[3 * KMPC_TERMS];
-        to_metres(states + 3 * k, x);
+        for (int i = 0; i < 3; i++)
+            x[i] = states[3 * k + i] * K.state[i];
         inputs_of(window + 2 * (KMPC_L + k), w, slope);
         kmpc_linearize(&motion, 1, x, w, value, by_x, by_w);
         for (int i = 0; i < 3; i++) {
@@ -107,7 +103,8 @@ void kmpc_model_predict(const real *states, const real *window, int count, real 
     const struct kmpc_motion motion = form();
     for (int k = 0; k < count; k++, next += 3) {
         real x[3], w[KMPC_TERMS], slope[2 * KMPC_TERMS];
-        to_metres(states + 3 * k, x);
+        for (int i = 0; i < 3; i++)
+            x[i] = states[3 * k + i] * K.state[i];
         inputs_of(window + 2 * (KMPC_L + k), w, slope);
         kmpc_advance(&motion, 1, x, w, next);
         for (int i = 0; i < 3; i++)

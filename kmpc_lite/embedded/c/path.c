@@ -7,17 +7,12 @@
 
 #define K kmpc_numbers
 
-static const real PI = R(3.14159265358979323846), ROUNDING = R(1e-9), INSTANT = R(1e-9);
+static const real ROUNDING = R(1e-9), INSTANT = R(1e-9);
 static const real GRID_STEP = R(0.05), PLACES = R(20000.0); /* time between places, and how many */
 static const real FAR = R(0.05);        /* how much nearer a place must be that lies farther on */
 static const real NEAR_CUSP = R(0.075); /* from a change of gear: the robot goes on */
 static const real AT_GOAL = R(1e-6);    /* distance that rounding leaves to the goal */
 static const real TURN_LENGTH = R(0.5), TURN_CLEARANCE = R(0.6); /* for the whole free turn */
-
-static real nearest_turn(real angle)
-{
-    return 2 * PI * M(rint)(angle / (2 * PI));
-}
 
 static struct kmpc_timed timed(const struct kmpc_path *path)
 {
@@ -70,7 +65,7 @@ static real free_turn(const struct kmpc_path *path, const real *here, int things
 static void begin(struct kmpc_path *path, const real *here, int things, const real *thing)
 {
     real (*pose)[3] = path->pose;
-    const real first = pose[1][2] - pose[0][2] - nearest_turn(pose[1][2] - pose[0][2]);
+    const real first = pose[1][2] - pose[0][2] - kmpc_nearest_turn(pose[1][2] - pose[0][2]);
     const real turn = M(fabs)(first), free = free_turn(path, here, things, thing);
     int reversed = 0, gear = 0;
     pose[0][2] = pose[1][2] - M(copysign)(turn - (free < turn ? free : turn), first);
@@ -186,7 +181,7 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
     const real *here = led + 3 * K.late, *goal = path->pose[path->count - 1];
     for (int i = 0; i < 3; i++)
         error[i] = here[i] - goal[i];
-    error[2] -= nearest_turn(error[2]);
+    error[2] -= kmpc_nearest_turn(error[2]);
     memcpy(rest, here, sizeof(rest));
     if (K.limits_changes || K.late)
         braked(pose, past, rest);
@@ -216,6 +211,7 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
         arrived += M(fabs)(states[3 * k] - goal[0]) <= AT_GOAL &&
                    M(fabs)(states[3 * k + 1] - goal[1]) <= AT_GOAL;
     way->share_at_goal = (real)arrived / KMPC_N;
+    way->to_goal = 0;
     const real at_goal = nearest_of(goal, things, thing) - K.distance;
     for (int k = 0; k <= KMPC_N; k++) {
         real *row = way->reference + 3 * k;
@@ -245,7 +241,7 @@ int kmpc_set_path(struct kmpc *robot, int count, const real *poses)
             for (int i = 0; i < 3; i++)
                 pose[i] = poses[3 * k + i] / K.state[i];
             if (k)
-                pose[2] -= nearest_turn(pose[2] - path->pose[path->count - 2][2]);
+                pose[2] -= kmpc_nearest_turn(pose[2] - path->pose[path->count - 2][2]);
         }
     }
     return 0;

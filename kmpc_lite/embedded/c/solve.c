@@ -14,6 +14,7 @@ static const real LARGEST = R(1e10), INFINITE = R(1e20), LEAST_SHARE = R(0.1);
 
 static int rho_is_adapted;
 static real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
+static real turn[KMPC_TURNS];
 
 void kmpc_duals_in_the_open(real *duals)
 {
@@ -23,11 +24,25 @@ void kmpc_duals_in_the_open(real *duals)
         duals[KMPC_SLACK_ROW + i] = K.slack_dual;
 }
 
+real kmpc_nearest_turn(real angle)
+{
+    const real turn = R(6.28318530717958647692);
+    return turn * M(rint)(angle / turn);
+}
+
+int kmpc_all_within(const real *numbers, int count, real most)
+{
+    for (int i = 0; i < count; i++)
+        if (!(M(fabs)(numbers[i]) <= most))
+            return 0;
+    return 1;
+}
+
 /* Go from the last command towards a new one as far as is allowed, by one share of both. */
 void kmpc_rate_limit(const real *last, real *command)
 {
     real share = 1;
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 2 && K.limits_changes; i++) {
         const real change = command[i] - last[i], size = M(fabs)(change);
         real allowed = K.change[i];
         if (change * last[i] < 0) {
@@ -50,29 +65,28 @@ real kmpc_clip(real value, real least, real most)
 /* Why OSQP must not be given these numbers; null if it may. */
 static const char *fault(void)
 {
-    for (int i = 0; i < KMPC_ENTRIES; i++)
-        if (!(M(fabs)(entries[i]) <= LARGEST))
-            return "QP data not finite";
-    for (int i = 0; i < KMPC_VARIABLES; i++)
-        if (!(M(fabs)(q[i]) <= LARGEST))
-            return "QP data not finite";
+    if (!kmpc_all_within(entries, KMPC_ENTRIES, LARGEST) ||
+        !kmpc_all_within(q, KMPC_VARIABLES, LARGEST) ||
+        !kmpc_all_within(turn, KMPC_N - 1, LARGEST))
+        return "QP data not finite";
     for (int i = 0; i < KMPC_ROWS; i++)
         if (!(lower[i] <= upper[i]))
             return "QP bounds not finite, or they cross";
     return NULL;
 }
 
-/* Give OSQP the matrices: constraints, and the share of the terminal weight that counts. */
+/* Give OSQP the matrices: constraints, weights of headings, and the share of the terminal weight
+ * that counts. */
 static int update_matrices(real share)
 {
-    OSQPFloat weights[KMPC_LAST_WEIGHTS];
-    OSQPInt places[KMPC_LAST_WEIGHTS];
-    for (int i = 0; i < KMPC_LAST_WEIGHTS; i++) {
-        weights[i] = share * K.last_weight[i];
-        places[i] = KMPC_LAST_WEIGHT + i;
+    enum { TURNS = KMPC_N - 1, COUNT = TURNS + KMPC_LAST_WEIGHTS };
+    static OSQPFloat weights[COUNT];
+    static OSQPInt places[COUNT];
+    for (int i = 0; i < COUNT; i++) {
+        weights[i] = i < TURNS ? turn[i] : share * K.last_weight[i - TURNS];
+        places[i] = i < TURNS ? K.turn_place[i] : KMPC_LAST_WEIGHT + i - TURNS;
     }
-    return osqp_update_data_mat(&kmpc_solver, weights, places, KMPC_LAST_WEIGHTS, entries, NULL,
-                                KMPC_ENTRIES);
+    return osqp_update_data_mat(&kmpc_solver, weights, places, COUNT, entries, NULL, KMPC_ENTRIES);
 }
 
 /* One pass from an iterate: what its QP finds; the reason if it failed, null else. */
@@ -97,9 +111,10 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         at->inputs[0], way->clearance, L.widest, L.far_clearance, L.side_margin,
     };
     const struct kmpc_pass plan = {
-        at->states[0], at->inputs[0], way->reference, value, by_x, by_u, by_past, K.pull, pull_terminal,
+        at->states[0], at->inputs[0], way->reference, value,     by_x,          by_u,
+        by_past,       K.pull,        pull_terminal,  K.turn_weight, way->to_goal,
     };
-    const struct kmpc_qp qp = {K.places, entries, lower, upper, lower + 3 * KMPC_N, q, start};
+    const struct kmpc_qp qp = {K.places, entries, lower, upper, lower + 3 * KMPC_N, q, start, turn};
     const int inputs = 3 * KMPC_N;
     const real *origin = at->states[0];
     kmpc_model_linearize(at->states[0], window, KMPC_N, value, by_x, by_u, by_past);
@@ -123,16 +138,10 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
     if (*early && status != OSQP_SOLVED_INACCURATE && status != OSQP_MAX_ITER_REACHED)
         return "OSQP found no solution";
     const OSQPFloat *x = kmpc_solver.solution->x, *y = kmpc_solver.solution->y;
-    for (int i = 0; i < KMPC_VARIABLES; i++)
-        if (!(M(fabs)(x[i]) <= LARGEST))
-            return "OSQP: solution not finite";
-    for (int i = 0; i < KMPC_ROWS; i++) {
-        if (!(M(fabs)(y[i]) <= LARGEST))
-            return "OSQP: solution not finite";
-        found->duals[i] = y[i];
-    }
-    for (int i = 0; i < 3; i++)
-        found->states[0][i] = origin[i];
+    memcpy(found->duals, y, sizeof(found->duals));
+    if (!kmpc_all_within(x, KMPC_VARIABLES, LARGEST) || !kmpc_all_within(y, KMPC_ROWS, LARGEST))
+        return "OSQP: solution not finite";
+    memcpy(found->states[0], origin, 3 * sizeof(real));
     for (int k = 0; k < KMPC_N; k++) {
         for (int i = 0; i < 3; i++)
             found->states[k + 1][i] = x[3 * k + i] + (i < 2 ? origin[i] : 0);
@@ -146,27 +155,26 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
     return NULL;
 }
 
+/* Take a share of the step from one to another; its largest part before. */
+static real towards(const real *at, real *found, int count, real share)
+{
+    real step = 0;
+    for (int i = 0; i < count; i++) {
+        const real change = found[i] - at[i];
+        step = M(fabs)(change) > step ? M(fabs)(change) : step;
+        found[i] = share < 1 ? at[i] + share * change : found[i];
+    }
+    return step;
+}
+
 /* Take a share of the step to what a QP found, and ask the model about it. */
 static real go(struct kmpc_iterate *at, struct kmpc_iterate *found, real *window, real share,
                struct kmpc_result *result)
 {
     static real predicted[3 * KMPC_N];
-    real step = 0;
-    for (int k = 0; k <= KMPC_N; k++)
-        for (int i = 0; i < 3; i++) {
-            const real change = found->states[k][i] - at->states[k][i];
-            step = M(fabs)(change) > step ? M(fabs)(change) : step;
-            if (share < 1)
-                found->states[k][i] = at->states[k][i] + share * change;
-        }
-    for (int k = 0; k < KMPC_N; k++)
-        for (int i = 0; i < 2; i++) {
-            const real change = found->inputs[k][i] - at->inputs[k][i];
-            step = M(fabs)(change) > step ? M(fabs)(change) : step;
-            if (share < 1)
-                found->inputs[k][i] = at->inputs[k][i] + share * change;
-            window[2 * (KMPC_L + k) + i] = found->inputs[k][i];
-        }
+    const real moved = towards(at->states[0], found->states[0], 3 * (KMPC_N + 1), share);
+    const real changed = towards(at->inputs[0], found->inputs[0], 2 * KMPC_N, share);
+    memcpy(window + 2 * KMPC_L, found->inputs, sizeof(found->inputs));
     kmpc_model_predict(found->states[0], window, KMPC_N, predicted);
     result->defect = 0;
     for (int i = 0; i < 3 * KMPC_N; i++) {
@@ -176,7 +184,7 @@ static real go(struct kmpc_iterate *at, struct kmpc_iterate *found, real *window
     }
     memcpy(result->next_state, predicted, 3 * sizeof(real));
     memcpy(at, found, sizeof(*at));
-    return step;
+    return moved > changed ? moved : changed;
 }
 
 void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmpc_way *way,
@@ -193,8 +201,7 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmp
         q[3 * KMPC_N + i] += K.pull_last[2 * i] * last[0] + K.pull_last[2 * i + 1] * last[1];
     memcpy(window, past, 2 * KMPC_L * sizeof(real));
     if (rho_is_adapted) /* as if nothing had been solved before */
-        osqp_update_rho(&kmpc_solver, K.rho);
-    rho_is_adapted = 0;
+        rho_is_adapted = osqp_update_rho(&kmpc_solver, K.rho) != 0;
     for (int k = 0; k < KMPC_N; k++)
         for (int i = 0; i < 2; i++) {
             if (K.limits_changes) {
@@ -210,8 +217,7 @@ void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const struct kmp
                 lower[row] = K.change_scale[i] * (last[i] - K.change[i]);
                 upper[row++] = K.change_scale[i] * (last[i] + K.change[i]);
             }
-    memset(result, 0, sizeof(*result));
-    result->reason = "";
+    *result = (struct kmpc_result){.reason = ""};
     memcpy(result->next_state, iterate->states[0], 3 * sizeof(real));
     for (;;) {
         const real before = step;

@@ -8,32 +8,7 @@
 #define L kmpc_model
 
 static const real PI = R(3.14159265358979323846), LIMIT = R(1e4), ROUNDING = R(1e-9);
-
-static real nearest_turn(real angle)
-{
-    return 2 * PI * M(rint)(angle / (2 * PI));
-}
-
-static int plausible(const real *numbers, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (!(M(fabs)(numbers[i]) <= LIMIT)) /* also NaN */
-            return 0;
-    return 1;
-}
-
-static int finite_all(const real *numbers, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (!(M(fabs)(numbers[i]) < INFINITY))
-            return 0;
-    return 1;
-}
-
-static real within(real value, int i)
-{
-    return kmpc_clip(value, K.u_min[i], K.u_max[i]);
-}
+static const real HUGE_NUMBER = R(1e30);
 
 /* What a step sees, in the robot's units, its heading within one turn. */
 struct seen {
@@ -47,13 +22,13 @@ static void take_in(const struct kmpc_input *input, struct seen *seen)
 {
     seen->refusal = NULL;
     seen->things = 0;
-    seen->pose_is_known = plausible(input->pose, 3);
+    seen->pose_is_known = kmpc_all_within(input->pose, 3, LIMIT);
     if (input->circles < 0 || input->circles > KMPC_THINGS)
         seen->refusal = "too many obstacles";
     for (int i = 0; i < input->circles && !seen->refusal; i++) {
         const real *circle = input->circle + 5 * i;
         real *row = seen->thing + KMPC_THING * i;
-        if (!plausible(circle, 5) || circle[2] < 0) {
+        if (!kmpc_all_within(circle, 5, LIMIT) || circle[2] < 0) {
             seen->refusal = "obstacle not usable";
             break;
         }
@@ -65,24 +40,24 @@ static void take_in(const struct kmpc_input *input, struct seen *seen)
         seen->things = input->circles;
         if (!seen->pose_is_known)
             seen->refusal = "pose not usable";
-        else if (!plausible(input->goal, 3))
+        else if (!kmpc_all_within(input->goal, 3, LIMIT))
             seen->refusal = "goal not usable";
     }
     for (int i = 0; i < 3; i++) {
         seen->pose[i] = input->pose[i] / K.state[i];
         seen->goal[i] = input->goal[i] / K.state[i];
     }
-    seen->turns = seen->pose_is_known ? nearest_turn(seen->pose[2]) : 0;
+    seen->turns = seen->pose_is_known ? kmpc_nearest_turn(seen->pose[2]) : 0;
     seen->pose[2] -= seen->turns;
     if (!seen->refusal)
-        seen->goal[2] -= nearest_turn(seen->goal[2]);
+        seen->goal[2] -= kmpc_nearest_turn(seen->goal[2]);
 }
 
 /* The goal as the reference; near a half turn the side of the step before is kept. */
 static void towards_goal(struct kmpc *robot, const struct seen *seen, struct kmpc_way *way)
 {
     real turn = seen->goal[2] - seen->pose[2];
-    turn -= nearest_turn(turn);
+    turn -= kmpc_nearest_turn(turn);
     if (M(fabs)(turn) > R(0.75) * PI && turn * robot->turn < 0 &&
         M(fabs)(robot->turn) > R(0.5) * PI)
         turn -= M(copysign)(2 * PI, turn);
@@ -94,7 +69,7 @@ static void towards_goal(struct kmpc *robot, const struct seen *seen, struct kmp
     }
     for (int k = 0; k < KMPC_N; k++)
         way->clearance[k] = R(1e20);
-    way->share_at_goal = 1;
+    way->share_at_goal = way->to_goal = 1;
     way->holds = 0;
 }
 
@@ -105,7 +80,7 @@ static int one_period_later(const struct kmpc *robot, const real *here, struct k
         return 0;
     const real off[3] = {robot->states[1][0] - here[0], robot->states[1][1] - here[1],
                          robot->states[1][2] - here[2]};
-    const real turns = M(fabs)(off[2]) <= LIMIT ? nearest_turn(off[2]) : 0;
+    const real turns = M(fabs)(off[2]) <= LIMIT ? kmpc_nearest_turn(off[2]) : 0;
     /* also false for NaN */
     if (!(M(fabs)(off[0]) <= K.lost && M(fabs)(off[1]) <= K.lost && M(fabs)(off[2] - turns) <= 1))
         return 0;
@@ -140,8 +115,8 @@ static void along(const real *reference, const real *here, struct kmpc_iterate *
     for (int k = 0; k < KMPC_N; k++) {
         const real *a = out->states[k], *b = out->states[k + 1];
         const real ahead = M(cos)(a[2]) * (b[0] - a[0]) + M(sin)(a[2]) * (b[1] - a[1]);
-        out->inputs[k][0] = within(ahead / K.dt, 0);
-        out->inputs[k][1] = within((b[2] - a[2]) / K.dt, 1);
+        out->inputs[k][0] = kmpc_clip(ahead / K.dt, K.u_min[0], K.u_max[0]);
+        out->inputs[k][1] = kmpc_clip((b[2] - a[2]) / K.dt, K.u_min[1], K.u_max[1]);
     }
     kmpc_duals_in_the_open(out->duals);
 }
@@ -166,9 +141,7 @@ static void answer(const struct seen *seen, const real *states, const real *inpu
     for (int i = 0; i < 2; i++) {
         const real least = K.u_min[i] * K.command[i], most = K.u_max[i] * K.command[i];
         const real asked = plan->inputs[0][i];
-        plan->command[i] = asked >= least ? (asked <= most ? asked : most) : least;
-        if (!(asked >= least || asked <= most)) /* NaN: never sent */
-            plan->command[i] = 0;
+        plan->command[i] = asked == asked ? kmpc_clip(asked, least, most) : 0; /* never NaN */
     }
 }
 
@@ -188,10 +161,9 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
         kmpc_model_rollout(here, robot->past[0], robot->rest[0], robot->resting, periods, states);
         blocked =
             !(kmpc_clearance_along(states, periods + 1, seen->things, seen->thing) >= 0);
-        if (!blocked && finite_all(states, 3 * (periods + 1))) {
+        if (!blocked && kmpc_all_within(states, 3 * (periods + 1), HUGE_NUMBER)) {
             real command[2] = {robot->rest[0][0], robot->rest[0][1]};
-            if (K.limits_changes)
-                kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
+            kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
             for (int k = 0; k < KMPC_N && k < KMPC_T && k < robot->resting; k++)
                 for (int i = 0; i < 2; i++)
                     inputs[2 * k + i] = k ? robot->rest[k][i] : command[i];
@@ -212,13 +184,12 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
         kmpc_braking(robot->past[KMPC_PAST - 1], ramp);
         memcpy(inputs, ramp, 2 * sizeof(real));
     }
-    if (K.limits_changes)
-        kmpc_rate_limit(robot->past[KMPC_PAST - 1], inputs);
+    kmpc_rate_limit(robot->past[KMPC_PAST - 1], inputs);
     robot->resting = robot->expects = 0;
     remember(robot, inputs);
     for (int k = 0; k <= KMPC_N; k++)
         for (int i = 0; i < 3; i++)
-            shown[3 * k + i] = finite_all(seen->pose + i, 1) ? seen->pose[i] : 0;
+            shown[3 * k + i] = kmpc_all_within(seen->pose + i, 1, HUGE_NUMBER) ? seen->pose[i] : 0;
     plan->status = KMPC_STOPPED;
     answer(seen, shown, inputs, plan);
 }
@@ -244,13 +215,12 @@ static int verify(const struct kmpc *robot, const struct seen *seen, struct kmpc
     real here[3], command[2] = {plan->inputs[0][0], plan->inputs[0][1]};
     if (contradicted)
         result->reason = "rolled out anew: the model contradicted the plan";
-    if (K.limits_changes)
-        kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
+    kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
     if (contradicted || command[0] != plan->inputs[0][0] || command[1] != plan->inputs[0][1]) {
         memcpy(plan->inputs[0], command, sizeof(command));
         memcpy(here, plan->states[0], sizeof(here));
         kmpc_model_rollout(here, robot->past[0], plan->inputs[0], KMPC_N, KMPC_N, plan->states[0]);
-        if (!finite_all(plan->states[0], 3 * (KMPC_N + 1)))
+        if (!kmpc_all_within(plan->states[0], 3 * (KMPC_N + 1), HUGE_NUMBER))
             return 0;
         memcpy(result->next_state, plan->states[1], 3 * sizeof(real));
     }
@@ -282,8 +252,7 @@ static void hold(struct kmpc *robot, const struct seen *seen, struct kmpc_plan *
 {
     static struct kmpc_iterate still;
     memset(&still, 0, sizeof(still));
-    if (K.limits_changes)
-        kmpc_rate_limit(robot->past[KMPC_PAST - 1], still.inputs[0]);
+    kmpc_rate_limit(robot->past[KMPC_PAST - 1], still.inputs[0]);
     kmpc_duals_in_the_open(still.duals);
     for (int k = 0; k <= KMPC_N; k++)
         memcpy(still.states[k], seen->pose, sizeof(still.states[k]));
@@ -309,9 +278,9 @@ void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_p
     static struct kmpc_way way;
     struct kmpc_result result;
     take_in(input, &seen);
-    if (input->sent && plausible(input->sent, 2))
+    if (input->sent && kmpc_all_within(input->sent, 2, LIMIT))
         for (int i = 0; i < 2; i++)
-            robot->past[KMPC_PAST - 1][i] = within(input->sent[i] / K.command[i], i);
+            robot->past[KMPC_PAST - 1][i] = kmpc_clip(input->sent[i] / K.command[i], K.u_min[i], K.u_max[i]);
     if (seen.refusal) {
         stop(robot, &seen, seen.refusal, 0, plan);
         return;

@@ -65,10 +65,10 @@ def evaluate_terms(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> 
 def differentiate_terms(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> Array:
     """Slopes of `evaluate_terms` by the filtered commands, by which plans are steered: (..., T, m).
 
-    They are its derivatives but for ``|omega|``, whose slope is zero here: turning either way costs
-    speed. That is predicted, not steered with. Linearised where it turns left, less turning is more
-    speed, where it turns right the reverse, and a plan that steers by such a kink jumps across it
-    in every period.
+    They are its derivatives but for ``|omega|`` and ``omega^2``, whose slopes are zero here:
+    turning either way costs speed. That is predicted, not steered with. Linearised where it turns
+    left, less turning is more speed, where it turns right the reverse, and a plan that steers by
+    that jumps across in every period.
     """
     m = answered.shape[-1]
     factors = _chosen(_factors(answered, smoothing, limits))
@@ -108,5 +108,5 @@ def _slopes(answered: Array, smoothing: ArrayLike, limits: ArrayLike) -> Array:
     none, one = np.zeros_like(s), np.ones_like(s)
     found = [none, one, steep, 2.0 * s, 3.0 * square, size + s * steep, soft / cube]
     out: Array = np.stack(found, axis=-1) * (np.abs(answered) <= most)[..., None]
-    out[..., -1, SIZE] = 0.0
+    out[..., -1, [SIZE, SQUARE]] = 0.0
     return out

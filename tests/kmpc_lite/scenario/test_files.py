@@ -215,20 +215,6 @@ def test_a_wrong_option_is_reported_with_its_file(tmp_path: Path, text: str, wor
     assert told.startswith(str(file)) and words in told and "\n" not in told
 
 
-@pytest.mark.parametrize("name", ["both \" and '", "back\\slash", "\x1b\x7f\n", "\U0001f916 é", ""])
-def test_any_name_survives_being_written(name: str, tmp_path: Path) -> None:
-    scenario = replace(
-        Scenario.load("mehrez"),
-        ground=name,
-        ground_changes=((1.0, name),),
-        ground_patches=((name, 0.0, np.float64(0.5), 1.0),),
-    )
-    (tmp_path / "it.toml").write_text(scenario.to_toml(), encoding="utf-8")
-    again = Scenario.load(tmp_path / "it.toml")
-    assert again.ground == name and again.ground_patches == scenario.ground_patches
-    assert again.to_toml() == scenario.to_toml()
-
-
 def test_without_bounds_the_robot_may_go_everywhere_and_pictures_show_all() -> None:
     table = {
         "map": {"circles": [[5.0, 9.0, 0.5]], "walls": [[-7.0, 0.0, -6.0, 0.0, 0.1]]},

@@ -93,6 +93,25 @@ static void write_start(const struct kmpc_layout *size, const struct kmpc_pass *
     }
 }
 
+/* How a way to a far goal bends with its heading: the second derivative of what its later places
+ * cost. Without it a plan turns too far, and back in the next period. */
+static void write_curvature(int n, const struct kmpc_pass *plan, const struct kmpc_qp *qp)
+{
+    real x = 0, y = 0; /* what all later places gain by being farther on */
+    for (int k = n - 1; k > 0; k--) {
+        const real *from = plan->states + 3 * k, *to = from + 3, *goal = plan->reference + 3 * k + 3;
+        const real *w = k + 1 < n ? plan->weight : plan->weight_terminal;
+        for (int i = 0; i < 3; i++) {
+            x -= (goal[i] - to[i]) * w[3 * i];
+            y -= (goal[i] - to[i]) * w[3 * i + 1];
+        }
+        real bends = plan->to_goal ? x * (to[0] - from[0]) + y * (to[1] - from[1]) : 0;
+        bends = bends > 0 ? bends : 0; /* also of NaN */
+        qp->turn[k - 1] = plan->turn_weight + bends;
+        qp->pull[3 * (k - 1) + 2] -= bends * from[2];
+    }
+}
+
 long kmpc_fill_room(const struct kmpc_layout *size, int kinds)
 {
     const long n = size->stages, d = size->directions;
@@ -117,6 +136,7 @@ void kmpc_fill(const struct kmpc_layout *size, const struct kmpc_keep_out *keep,
     write_entries(size, plan, chosen, qp->places, qp->entries);
     write_dynamics(size, plan, local, qp);
     write_start(size, plan, local, kinds, clearances, qp);
+    write_curvature(n, plan, qp);
     for (int i = 0; i < n * slots; i++) {
         const real lower = size->half_plane_scale * offsets[i];
         qp->half_plane_lower[i] = lower > -size->open ? lower : -size->open;

@@ -122,11 +122,14 @@ struct kmpc_pass { /* and what the model says of it */
     const real *states, *inputs, *reference;
     const real *value, *by_x, *by_u, *by_past;
     const real *weight, *weight_terminal; /* (3, 3) by which references enter `pull` */
+    real turn_weight; /* of a heading, in the quadratic cost */
+    int to_goal;      /* whether the reference is the goal itself, however far, at every stage */
 };
 
 struct kmpc_qp { /* what is written */
     const int *places;
     real *entries, *dynamics_lower, *dynamics_upper, *half_plane_lower, *pull, *start;
+    real *turn; /* (stages - 1) in the quadratic cost: of each heading but the last */
 };
 
 /* Numbers that `room` holds. */

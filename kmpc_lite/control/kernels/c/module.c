@@ -169,6 +169,7 @@ static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
                holds_ints(b + 13, written) && holds(b + 15, 3 * n) && holds(b + 16, 3 * n) &&
                holds(b + 17, n * slots) && holds(b + 18, 3 * n) && holds(b + 19, (3 + m + 1) * n) &&
                holds(b + 20, 9) && holds(b + 21, 9) &&
+               holds(b + 29, n - 1) &&
                reals(b + 22) >= kmpc_fill_room(size, kmpc_kinds(keep));
     if (tightens) /* speeds, path clearance, white, lasting, pose, pose by speed */
         fits = fits && n <= KMPC_HORIZON && holds(b + 23, 2 * n) && holds(b + 24, n) &&
@@ -182,23 +183,23 @@ static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
 
 static PyObject *fill(PyObject *self, PyObject *args)
 {
-    enum { ARRAYS = 29 }; /* in the order of kernels/compiled.py */
+    enum { ARRAYS = 30 }; /* in the order of kernels/library.py */
     Py_buffer b[ARRAYS];
     struct kmpc_layout size;
     struct kmpc_keep_out keep;
     struct kmpc_plan_margins tight;
     struct kmpc_noise *noise = &tight.noise;
-    double scale, open, distance, dt, range, numbers[8];
-    int tightens;
+    double scale, open, distance, dt, range, numbers[9];
+    int tightens, to_goal;
     (void)self;
     if (!PyArg_ParseTuple(
-            args, "y*y*y*y*y*y*y*y*y*y*y*y*y*y*w*w*w*w*w*w*y*y*w*y*y*y*y*y*y*iiiiidddddpiidddddddd", b,
+            args, "y*y*y*y*y*y*y*y*y*y*y*y*y*y*w*w*w*w*w*w*y*y*w*y*y*y*y*y*y*w*iiiiidddddpiidddddddddp", b,
             b + 1, b + 2, b + 3, b + 4, b + 5, b + 6, b + 7, b + 8, b + 9, b + 10, b + 11, b + 12,
             b + 13, b + 14, b + 15, b + 16, b + 17, b + 18, b + 19, b + 20, b + 21, b + 22, b + 23,
-            b + 24, b + 25, b + 26, b + 27, b + 28, &size.stages, &size.history, &size.slots,
+            b + 24, b + 25, b + 26, b + 27, b + 28, b + 29, &size.stages, &size.history, &size.slots,
             &size.directions, &keep.places, &scale, &open, &distance, &dt, &range, &tightens,
             &noise->delay, &noise->spreads, numbers, numbers + 1, numbers + 2, numbers + 3,
-            numbers + 4, numbers + 5, numbers + 6, numbers + 7))
+            numbers + 4, numbers + 5, numbers + 6, numbers + 7, numbers + 8, &to_goal))
         return NULL;
     const long n = size.stages;
     int fits = n > 0 && keep.places > 0 && size.history >= 0 && size.slots > 0 &&
@@ -224,9 +225,10 @@ static PyObject *fill(PyObject *self, PyObject *args)
     }
     if (fits) {
         const struct kmpc_pass plan = {b[4].buf, b[5].buf, b[6].buf,  b[0].buf, b[1].buf,
-                                       b[2].buf, b[3].buf, b[20].buf, b[21].buf};
+                                       b[2].buf, b[3].buf, b[20].buf, b[21].buf,
+                                       numbers[8],  to_goal};
         const struct kmpc_qp qp = {b[13].buf, b[14].buf, b[15].buf, b[16].buf,
-                                   b[17].buf, b[18].buf, b[19].buf};
+                                   b[17].buf, b[18].buf, b[19].buf, b[29].buf};
         if (tightens) {
             noise->inputs = 2;
             noise->white = b[25].buf;

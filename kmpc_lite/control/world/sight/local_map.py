@@ -127,12 +127,6 @@ class LocalMap:
         row += column
         return np.where(inside, row, 0), inside
 
-    def is_unknown(self, points: Array) -> NDArray[np.bool_]:
-        """Of which of points (n, 2) nothing is known; beyond the map of none."""
-        cells, inside = self.cells_of(points)
-        unknown: NDArray[np.bool_] = (self.state.ravel()[cells] <= UNKNOWN) | ~inside
-        return unknown
-
     def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:
         """Which points (n, 2) lie on the map, or no farther from it than a distance."""
         low = self.cell * np.array((self.column, self.row)) - distance

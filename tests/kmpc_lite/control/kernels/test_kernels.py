@@ -192,7 +192,7 @@ def test_tubes_of_random_plans(delay, stages, lasts):
     kept = random.uniform(0.0, 0.1, stages)
     around = Around(np.empty((0, 7)), states[1:, :2], random.uniform(-1, 1, (stages, 5)), away)
     margins = PlanMargins(noise, 1e9, 1.0, 0.01, kept)
-    plan = Iterate(states, inputs, states, inputs)
+    plan = Iterate(states, inputs, states, inputs, True)
     assert_alike("fill", (keep_out(problem, 9), margins, qp.numbers, lin, plan, around))
 
 

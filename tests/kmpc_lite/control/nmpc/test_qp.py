@@ -112,7 +112,7 @@ def write(qp: NavigationQP, numbers: Numbers) -> None:
     points = x[1:, :2].copy()
     gaps = np.einsum("nsd,nd->ns", normals, points) - offsets
     around = Around(np.empty((0, 7)), points, gaps, normals)
-    fill(keep, None, qp.numbers, numbers.lin, Iterate(x, u, numbers.reference, u), around)
+    fill(keep, None, qp.numbers, numbers.lin, Iterate(x, u, numbers.reference, u, False), around)
 
 
 def pack(x: np.ndarray, u: np.ndarray, slack: np.ndarray) -> np.ndarray:

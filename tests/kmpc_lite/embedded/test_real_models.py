@@ -1,0 +1,35 @@
+"""Models of real robots' logs: what is exported drives as Python drives it, and smoothly."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.cli.self_drive import problem_of
+from kmpc_lite.embedded.numbers import controller_of
+from kmpc_lite.embedded.vectors import recorded_vectors
+from kmpc_lite.learn.learning import learn
+
+DATA = Path(__file__).parents[4] / "shared" / "data"
+LOGS = {"warthog": "norlab_drive", "husky": "norlab_drive", "quiet": "rover_sitl"}
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs the logs in ../shared/data")
+@pytest.mark.parametrize("name", LOGS)
+def test_the_exported_controller_is_the_one_of_python(name: str, tmp_path: Path) -> None:
+    log = DATA / LOGS[name] / f"{name}.csv"
+    model = learn(kl.Dataset.load(log, dt=0.1), [log]).model
+    problem = problem_of(model, robot_radius=0.4)
+    python = controller_of(model, problem, tightening=True, options=None)
+    exported = kl.CompiledController(kl.export(model, problem, tmp_path / "robot"))
+    commands = np.empty((0, 2))
+    for vector in recorded_vectors(python):
+        plan = exported.step(vector.pose, vector.goal, vector.circles)
+        np.testing.assert_allclose(plan.command, vector.command, rtol=0, atol=1e-6)
+        commands = np.vstack([commands, plan.command])
+    # it turns smoothly, too, though the goal is far away
+    changes = np.diff(commands / problem.u_max, axis=0)
+    large = np.abs(changes) > 0.1
+    back = ((changes[1:] * changes[:-1] < 0) & large[1:] & large[:-1]).any(axis=1)
+    assert back.mean() <= 0.1
