@@ -37,6 +37,7 @@ AROUND = frozenset(
     ("Makefile", "CMakeLists.txt", "library.json", "library.properties", "example.c", "vectors.c")
 )
 """What is no source of the library."""
+NOT_CALLED = ("module.c", "boxes.c", "clusters.c", "scan_beams.c", "scan_map.c", "tracks.c")
 GUARD = "#define KMPC_KERNELS_H\n"
 
 
@@ -106,7 +107,7 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
     sources = folder / "src"
     sources.mkdir()
     for source in sorted([*SOURCES.iterdir(), *KERNELS.glob("*.[ch]")]):
-        if source.name != "module.c":
+        if source.name not in NOT_CALLED:
             shutil.copy(source, (folder if source.name in AROUND else sources) / source.name)
     sqp = solver_of(controller)
     sizes = sizes_of(controller, sqp.qp)

@@ -137,13 +137,18 @@ def test_the_tables_of_names_are_those_of_the_sources() -> None:
     assert set(maps.STUDIES) == set(CATALOGUE)
 
 
+def brought(line: str) -> str:
+    """Name the module that a line of an extra brings."""
+    name = re.split(r"[^\w]", line.replace("dask[", "").replace("ros-", ""))[0]
+    return {"pyserial": "serial"}.get(name, name)
+
+
 def test_every_extra_that_is_reported_is_one_of_its_project() -> None:
     projects = {project["name"]: project["optional-dependencies"] for project in (ROBOTS, LABS)}
     for module, wanted in EXTRAS.items():
         name, _, extra = wanted.rstrip("]").partition("[")
         if module != "PIL":  # comes with matplotlib
-            lines = [line.removeprefix("ros-") for line in projects[name][extra]]
-            assert any(line.startswith(module) for line in lines), module
+            assert module in map(brought, projects[name][extra])
 
 
 @pytest.mark.parametrize(
@@ -158,7 +163,7 @@ def test_an_extra_exists_only_where_code_uses_it(
     code = "\n".join(file.read_text() for file in files)
     for extra, lines in project["optional-dependencies"].items():
         for line in lines if extra not in ("clients", "docs", "dev", "ros2-test") else ():
-            module = re.split(r"[^\w]", line.replace("dask[", "").replace("ros-", ""))[0]
+            module = brought(line)
             assert re.search(rf"^\s*(import|from) {module}\b", code, re.MULTILINE), (extra, module)
 
 

@@ -5,7 +5,9 @@ import os
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,8 @@ from kmpc_lite.model.noise_model import NoiseModel
 pytestmark = pytest.mark.skipif(
     shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler, or no make"
 )
-AREA = {"x_min": (-6.0, -6.0, -np.inf), "x_max": (6.0, 6.0, np.inf)}
+AREA = {"x_min": (-12.0, -12.0, -np.inf), "x_max": (12.0, 12.0, np.inf)}
+WEIGHTS = {"Q": (1.0, 1.0, 0.3), "R": (0.1, 0.1), "Q_terminal": (8.0, 8.0, 2.0)}
 
 
 def noisy(dt: float = 0.1) -> kl.KoopmanModel:
@@ -41,18 +44,28 @@ CASES: dict[str, tuple[kl.KoopmanModel, dict[str, Any]]] = {
     "nominal": (kl.nominal_unicycle(0.1), {}),
     "lag and slow changes": (lagging(), {"du_max": (0.6, 2.0), "horizon": 12}),
     "changes weighed": (lagging(), {"R_change": [[0.08, 0.02], [0.02, 0.05]]}),
-    "large": (noisy(), {"robot_radius": 0.6, "u_min": (-1.0, -1.0), "u_max": (2.0, 1.0)}),
+    "large": (noisy(), {"robot_radius": 0.6, "u_min": (-1.0, -1.0), "u_max": (2.0, 1.0)} | AREA),
 }
 
 
+@pytest.fixture(scope="module")
+def export(tmp_path_factory) -> Callable[..., Path]:
+    """Exports, built once each."""
+    return cache(lambda m, p: kl.export(m, p, tmp_path_factory.mktemp("export") / "robot"))
+
+
+@cache
+def problem_of(case: str) -> kl.NavigationProblem:
+    model, given = CASES[case]
+    return kl.NavigationProblem(dt=model.dt, **(WEIGHTS | {"R_change": (0.0, 0.0)} | given))
+
+
 @pytest.fixture(scope="module", params=CASES)
-def both(request, tmp_path_factory) -> tuple[kl.Controller, kl.CompiledController]:
+def both(request, export) -> tuple[kl.Controller, kl.CompiledController]:
     """The controller in Python, and the exported one."""
-    model, given = CASES[request.param]
-    problem = kl.NavigationProblem(dt=model.dt, **(AREA | given))
-    folder = kl.export(model, problem, tmp_path_factory.mktemp("export") / "robot")
+    model, problem = CASES[request.param][0], problem_of(request.param)
     python = kl.Controller(model, problem, guidance=False, adaptation=False)
-    return python, kl.CompiledController(folder)
+    return python, kl.CompiledController(export(model, problem))
 
 
 def random_scene(seed: int, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -156,10 +169,10 @@ def test_float_is_float_and_loses_little(tmp_path):
         assert called & {"cosf", "sincosf"}
 
 
-def test_a_path_is_followed_past_circles(tmp_path):
+def test_a_path_is_followed_past_circles(export):
     """Also by turns on the spot, and when the same path is given again and again."""
-    model = kl.nominal_unicycle(0.1)
-    robot = kl.CompiledController(kl.export(model, kl.NavigationProblem(**AREA), tmp_path / "c"))
+    model = CASES["nominal"][0]
+    robot = kl.CompiledController(export(model, kl.NavigationProblem(**AREA)))
     circles = np.array([(0.8, 0.1, 0.2), (1.4, 0.9, 0.2), (1.6, -0.25, 0.2), (2.2, 0.35, 0.25)])
     still = np.column_stack([circles, np.zeros((4, 2))])
     path = [(0, 0, 0.65), (0.9, 0.55, 0.65), (0.9, 0.55, -0.2), (1.5, 0.4, -0.2)]
@@ -203,19 +216,16 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("case", CASES)
-def test_a_path_is_driven_as_the_guide_drives_it(case, way, tmp_path):
+def test_a_path_is_driven_as_the_guide_drives_it(case, way, export):
     """To where it holds: place, gears, last turn, margins, weights of the goal, tolerances."""
-    model, given = CASES[case]
-    weights = {"Q": (1.0, 1.0, 0.3), "R": (0.1, 0.1), "Q_terminal": (8.0, 8.0, 2.0)}
-    weights["R_change"] = (0.0, 0.0)
-    problem = kl.NavigationProblem(dt=model.dt, **(weights | given))
+    model, problem = CASES[case][0], problem_of(case)
     size = problem.robot_radius / 0.15
     poses = np.array(WAYS[way]) * (size, size, 1.0)
     planner = Given(poses)
     # the host looks for another path if the robot strays, not the robot
     guidance, alone = kl.GuidanceOptions(replan_interval=1e3), {"adaptation": False}
     python = kl.Controller(model, problem, guidance=guidance, planner=planner, **alone)
-    exported = kl.CompiledController(kl.export(model, problem, tmp_path / "c"))
+    exported = kl.CompiledController(export(model, problem))
     exported.set_path(poses)
     rows = [(0.4, 0.9, 0.2), (1.2, -0.35, 0.2), (1.9, 0.9, 0.25)]
     circles = np.pad(size * np.array(rows), ((0, 0), (0, 2)))
