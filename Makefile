@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# the commands that tests start are compiled once
+export PYTHONDONTWRITEBYTECODE :=
 # mkdocs-material's advertisement for its successor
 export NO_MKDOCS_2_WARNING := 1
 

@@ -134,11 +134,8 @@ def test_a_goal_of_rviz_odometry_that_stops_and_jumps_and_what_others_see(
         x, y, theta = drive.robot.pose
         drive.robot.put(x - 0.6, y + 0.3, theta)
         assert spin(node, lambda: drive.robot.stopped, 5.0)
-
-        def told() -> str:
-            return heard["/diagnostics"].status[0].message
-
-        assert spin(node, lambda: told() == "the goal is held"), told()
+        held = "the goal is held"
+        assert spin(node, lambda: heard["/diagnostics"].status[0].message == held), heard
         assert math.dist(drive.robot.pose[:2], (1.5, 0.0)) < 0.05
         values = {pair.key for pair in heard["/diagnostics"].status[0].values}
         assert values >= {"gate", "messages", "errors"}

@@ -18,12 +18,3 @@ def test_the_whole_demo_reaches_its_goal(tmp_path, capsys):
     assert (
         report["outcome"] == "reached" and Run.load(tmp_path / "out" / "run.npz").clearance > 0.03
     )
-
-
-def test_a_busy_computer_is_reported():
-    from firmware_bridge.safety.gate_table import Reason
-    from kmpc_lab.cli.demo import _busy
-
-    assert _busy({"ticks": 1000, "reasons": {Reason.COMMAND.value: 10}}) == ""
-    assert "for 30 % of the time" in _busy({"ticks": 1000, "reasons": {Reason.COMMAND.value: 300}})
-    assert _busy({"ticks": 0, "reasons": {}}) == ""

@@ -55,12 +55,7 @@ def test_study_reports_at_once_that_peers_are_missing(
 
 
 @pytest.mark.parametrize(
-    "study",
-    [
-        "anyrobot --drives 1 --round",
-        "anyrobot --drives 1 --wheels car",
-        "scales --drives 1 --only one-minute",
-    ],
+    "study", ["anyrobot --drives 1 --wheels car", "scales --drives 1 --only one-minute"]
 )
 def test_robots_that_were_driven_are_not_driven_again(
     study: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -231,10 +231,8 @@ def test_a_path_is_driven_as_the_guide_drives_it(case, way, export):
     circles = np.pad(size * np.array(rows), ((0, 0), (0, 2)))
     pose, past = poses[0], np.zeros((model.history, 2))
     for k in range(250):
-        theirs, ours = (
-            python.step(pose, poses[-1], circles),
-            exported.step(pose, poses[-1], circles),
-        )
+        told = pose, poses[-1], circles
+        theirs, ours = python.step(*told), exported.step(*told)
         assert ours.status is theirs.status, (k, ours.reason, theirs.reason)
         if theirs.holding or planner.asked > 1:  # it does not get nearer, and asks for another path
             break
