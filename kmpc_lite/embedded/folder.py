@@ -116,8 +116,7 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
     (sources / "kmpc_sizes.h").write_text(_sizes_header(sizes, controller.problem))
     numbers = _numbers_source(numbers_of(controller, sqp), model_of(controller), float32)
     (sources / "kmpc_numbers.c").write_text(numbers)
-    vectors = recorded_vectors(controller)
-    (folder / "vectors.h").write_text(_vectors_header(vectors, float32))
+    (folder / "vectors.h").write_text(_vectors_header(recorded_vectors(controller), float32))
     about = {
         "format": FORMAT,
         "float32": float32,
