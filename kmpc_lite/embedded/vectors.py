@@ -48,7 +48,7 @@ def recorded_vectors(controller: Controller, steps: int = STEPS) -> list[Vector]
         moving = middle + (0.3 * half[0], -half[1] + 0.1 * speed * problem.dt * k)
         circles = np.array(
             [
-                [*(middle - 0.35 * half + (0.7 * radius, -0.7 * radius)), radius, 0.0, 0.0],
+                [*(middle - 0.35 * half + (1.5 * radius, -1.5 * radius)), radius, 0.0, 0.0],
                 [*moving, radius, 0.0, 0.1 * speed],
             ]
         )
