@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from outcomes.models import DATA, LOGS
 
 import kmpc_lite as kl
 from kmpc_lite.cli.self_drive import problem_of
@@ -11,15 +12,11 @@ from kmpc_lite.embedded.numbers import controller_of
 from kmpc_lite.embedded.vectors import recorded_vectors
 from kmpc_lite.learn.learning import learn
 
-DATA = Path(__file__).parents[4] / "shared" / "data"
-LOGS = {"warthog": "norlab_drive", "husky": "norlab_drive", "quiet": "rover_sitl"}
-
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="needs the logs in ../shared/data")
-@pytest.mark.parametrize("name", LOGS)
+@pytest.mark.parametrize("name", ["husky", "warthog", "rover, quiet"])
 def test_the_exported_controller_is_the_one_of_python(name: str, tmp_path: Path) -> None:
-    log = DATA / LOGS[name] / f"{name}.csv"
-    model = learn(kl.Dataset.load(log, dt=0.1), [log]).model
+    model = learn(kl.Dataset.load(DATA / LOGS[name][0], dt=0.1), [DATA / LOGS[name][0]]).model
     problem = problem_of(model, robot_radius=0.4)
     python = controller_of(model, problem, tightening=True, options=None)
     exported = kl.CompiledController(kl.export(model, problem, tmp_path / "robot"))
