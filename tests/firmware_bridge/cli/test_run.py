@@ -116,7 +116,8 @@ def test_a_pilot_that_takes_over_keeps_the_rover_until_it_is_enabled_again(desk,
             )
     report = json.loads(capsys.readouterr().out)
     assert seen["mode"] == "MANUAL"
-    assert [c["to"] for c in report["loop"]["changes"]][2:5] == ["YIELDED", "WAITING", "ACTIVE"]
+    changes = " ".join(c["to"] for c in report["loop"]["changes"])
+    assert "YIELDED WAITING ACTIVE" in changes
 
 
 def test_run_drives_a_route_without_a_scenario_and_reports_each_goal(desk, capsys):
