@@ -44,20 +44,20 @@ def test_lag_reversing_creeping_and_standing_are_no_fault():
 @pytest.mark.parametrize("name", DRIVERS)
 def test_every_board_reports_a_dead_encoder_until_it_is_released(name, tmp_path):
     rig = Rig(name, f"pty:{tmp_path / 'link'}")
-    stands: dict[int, float] = {}
-    counter = rig.emulator._turns
+    stood, counter = {}, rig.emulator._turns
     try:
         rig.connect().is_ready()
         rig.starts(0.3, 0.0)
         rig.drive(0.3, 0.0, 1.2 if name == "roboclaw" else 0.2)
         assert rig.driver.health().faults == ()
         rig.emulator._turns = lambda channel: (
-            stands.setdefault(channel, counter(channel)) if channel == 1 else counter(channel)
+            stood.setdefault(channel, counter(channel)) if channel == 1 else counter(channel)
         )
-        dead = lambda: any("counter stands" in f for f in rig.driver.health().faults)  # noqa: E731
-        assert until(lambda: rig.driver.send(0.3, 0.0) or dead())
-        assert until(lambda: rig.driver.send(0.0, 0.0) or dead()), "it was not mended"
+        stands = lambda: "counter stands" in str(rig.driver.health().faults)  # noqa: E731
+        speed = lambda: 0.3 * rig.driver.health().ready  # noqa: E731 (zero alone re-arms it)
+        assert until(lambda: rig.driver.send(speed(), 0.0) or stands())
+        assert until(lambda: rig.driver.send(0.0, 0.0) or stands()), "it was not mended"
         rig.driver.stop()
-        assert until(lambda: not dead())
+        assert until(lambda: not stands())
     finally:
         rig.close()
