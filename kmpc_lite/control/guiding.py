@@ -86,15 +86,14 @@ class Guiding:
             still = np.zeros((known.model.history, known.model.inputs))
             braking = np.concatenate([self._rates.ramp(history.command), still])
             rest = known.model.rollout(seen.here, braking, history.commands)[-1]
+        heading, known_rest = float(seen.here[2]), rest is not None
+        rolls_on = state.history.brakes(heading, self._deceleration, known_rest)
+        if seen.rolls_on is not None:
+            rolls_on += seen.rolls_on
         task = GuideTask(
             pose=here,
             goal=seen.goal,
-            rolls_on=state.history.rolls_on(
-                float(seen.here[2]),
-                self._deceleration,
-                rest is not None,
-                self._dt * state.lateness.periods,
-            ),
+            rolls_on=rolls_on,
             circles=things,
             solids=seen.solids,
             rest=rest,

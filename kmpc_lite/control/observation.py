@@ -58,6 +58,8 @@ class Observation:
     view: View | None = None
     """What was seen up to now; none without scans."""
 
+    rolls_on: Array | None = None
+    """(3,) by how much farther it comes than its model says, if it answers later than that."""
     felt: FeltNoise | None = None
     """The noise, as past innovations inflate it; none without margins."""
     measured: Array = field(default_factory=lambda: np.zeros(STATES))

@@ -128,8 +128,12 @@ class Pipeline:
             if changed:
                 # the pose that was expected now is one of another age
                 history.driven, state.innovation = None, InnovationState()
-        if age := self._pose_age + self._problem.dt * state.lateness.periods:
-            seen.bring_forward(advance_pose(known.model, seen.pose, history.given, age))
+        age = self._pose_age + self._problem.dt * state.lateness.periods
+        if age:
+            measured = seen.pose
+            seen.bring_forward(advance_pose(known.model, measured, history.given, age))
+            if state.lateness.periods:
+                seen.rolls_on = history.rolls_on(age, measured, seen.pose)
         self._watching.watch(state, seen, known)
         return changed
 
@@ -193,6 +197,7 @@ class Pipeline:
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             late=0 if known.capabilities is None else known.capabilities.late,
             curvature=state.history.curvature,
+            rolls_on=seen.rolls_on,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
             deadline=clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE)),
         )

@@ -45,5 +45,7 @@ class Task(NamedTuple):
     """In which the wheels of a car stand now [1/m]."""
     terminal_share: float = 1.0
     """Part of the terminal weight that counts."""
+    rolls_on: Array | None = None
+    """(3,) by how much farther it comes than its model says; none if it answers as that says."""
     deadline: float = math.inf
     """When a plan must be there, on the clock of the SQP [s]."""

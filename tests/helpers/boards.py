@@ -79,9 +79,14 @@ class Rig:
             self.driver.send(v, omega)
             time.sleep(period)
 
+    def command(self, v, omega):
+        """Command once: zero to a board that waits for it since a busy machine was too late."""
+        ready = self.driver.health().ready
+        self.driver.send(v * ready, omega * ready)
+
     def starts(self, v, omega):
         """Command until the robot moves."""
-        assert until(lambda: self.driver.send(v, omega) or not self.emulator.stopped)
+        assert until(lambda: self.command(v, omega) or not self.emulator.stopped)
 
     def is_ready(self):
         """Command zero until the robot can be driven."""

@@ -28,7 +28,7 @@ def emulated(name: str, url: str = "pty:link", start=(0.0, 0.0, 0.0), arm_after:
 
 
 def robot_options(name: str) -> list[str]:
-    quick = ["--set", "safety.hold=0.3", "--set", "safety.settle=0.2"]
+    quick = ["--set", "safety.hold=1", "--set", "safety.settle=0.2"]
     return [
         str(ROBOTS / f"{name}.toml"),
         "--link",

@@ -117,7 +117,7 @@ class ExpectedErrors:
     def see(self, state: InnovationState, period: DrivenPeriod | None) -> None:
         """Take in the innovation of a period, or let one pass that tells nothing of the floor."""
         if state.error is None or period is None:
-            self._forget(state)
+            state.level += self._forgetting * min(1.0 - state.level, 0.0)
         else:
             error, heading = state.error, float(period.pose[2])
             if self._ramps_are_given:
@@ -125,28 +125,16 @@ class ExpectedErrors:
                 error = _unexplained(error, heading, change)
             self.judge(state, error, heading, period.command)
 
-    def _forget(self, state: InnovationState) -> None:
-        state.level += self._forgetting * min(1.0 - state.level, 0.0)
-
     def judge(self, state: InnovationState, error: Array, heading: float, command: Array) -> None:
-        """Take in the innovation of a period.
+        """Take in the innovation (3,) of a period: measured less predicted, in the map frame.
 
-        Parameters
-        ----------
-        state : InnovationState
-            Updated.
-        error : ndarray
-            Measured less predicted pose (3,) [m, m, rad], in the map's frame; one that is not
-            finite counts for nothing.
-        heading : float
-            At the beginning of the period [rad].
-        command : ndarray
-            (2,) that was held during it.
+        One that is not finite counts for nothing. `heading` [rad] was that at the beginning of the
+        period, `command` (m,) was held during it.
         """
         command = speeds(command)
         # also false for NaN and infinity
         if not (abs(command[0]) * self._dt >= self._judged_step and error @ error < np.inf):
-            self._forget(state)
+            state.level += self._forgetting * min(1.0 - state.level, 0.0)
             return
         # plain floats: for three numbers they are ten times as fast as arrays
         cos, sin = math.cos(heading), math.sin(heading)

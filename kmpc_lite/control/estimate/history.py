@@ -81,17 +81,7 @@ class CommandHistory:
 
     @classmethod
     def start(cls, problem: NavigationProblem, history: int, pose_age: float) -> CommandHistory:
-        """History of a robot that stands.
-
-        Parameters
-        ----------
-        problem : NavigationProblem
-            Its period.
-        history : int
-            Past commands that the model depends on, L.
-        pose_age : float
-            How old poses are on arrival.
-        """
+        """History of a robot that stands, whose poses are so old on arrival [s]; `history` is L."""
         inputs = len(problem.u_min)
         periods = int(np.ceil(pose_age / problem.dt)) + latest_answer(problem.dt) + 2 + history
         return cls(np.zeros(inputs), np.zeros((history, inputs)), np.zeros((periods, inputs)))
@@ -127,32 +117,32 @@ class CommandHistory:
             self.beyond = self.beyond + weight * (beyond - self.beyond)
         self.seen = None if pose is None else pose.copy()
 
-    def rolls_on(
-        self, heading: float, deceleration: Array, known: bool, late: float = 0.0
-    ) -> Array:
+    def rolls_on(self, age: float, measured: Array, here: Array) -> Array:
+        """Displacement (3,) by which a robot comes farther than where it was brought forward to.
+
+        As if it went on for the age of its pose [s] at the speeds at which it is seen: one that
+        lags rolls so far when it is told to stand, one that answers late less. `measured` and
+        `here` (3,) are where it was seen, and where it is taken to be.
+        """
+        going = age * (self.beyond + self._told)
+        missing = going - seen_along(here - measured, measured[2])
+        return _displaced(np.where(missing * going > 0.0, missing, 0.0), float(measured[2]))
+
+    def brakes(self, heading: float, deceleration: Array, known: bool) -> Array:
         """Displacement (3,) of a robot that brakes, beyond that which its model knows of.
 
-        One that lags more than its model knows still rolls when it was told to stand.
-
-        Parameters
-        ----------
-        heading : float
-            From which it rolls on [rad].
-        deceleration : ndarray
-            (3,) ahead, to the left and round; all speeds shrink by one factor.
-        known : bool
-            Whether the model, or limits, tell how it comes to rest from the command sent last;
-            else it brakes from that, too.
-        late : float
-            How much later than its model says it is found to answer: so long it rolls at the least.
+        From a heading [rad]; `deceleration` (3,) is ahead, to the left and round, and all speeds
+        shrink by one factor. `known`: whether the model, or limits, tell how it comes to rest from
+        the command sent last; else it brakes from that, too.
         """
-        speeds = self.beyond
-        if not known:
-            ahead, *left, turn = self.command.tolist()
-            speeds = speeds + (ahead, left[0] if left else 0.0, turn)
-        time = max(0.5 * float((np.abs(speeds) / deceleration).max()), late)
-        dx, dy, turn = (time * speeds).tolist()
-        return np.array((*rotate(dx, dy, heading + 0.5 * turn), turn))
+        speeds = self.beyond if known else self.beyond + self._told
+        return _displaced(0.5 * float((np.abs(speeds) / deceleration).max()) * speeds, heading)
+
+    @property
+    def _told(self) -> Array:
+        """(3,) speeds ahead, to the left and round of the command sent last."""
+        ahead, *left, turn = self.command.tolist()
+        return np.array((ahead, left[0] if left else 0.0, turn))
 
     def correct(self, command: Array, problem: NavigationProblem) -> None:
         """Put what was really sent, NaN if nobody knows, in the place of the last command."""
@@ -166,6 +156,12 @@ class CommandHistory:
                 earlier[-1] = command
         if self.driven is not None:
             self.driven = self.driven._replace(command=command.copy())
+
+
+def _displaced(driven: Array, heading: float) -> Array:
+    """Displacement (3,) of what is driven ahead, to the left and round, from a heading [rad]."""
+    dx, dy, turn = driven.tolist()
+    return np.array((*rotate(dx, dy, heading + 0.5 * turn), turn))
 
 
 def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Array:

@@ -138,9 +138,13 @@ class Innovation:
             return None
         state.unseen = NOTHING
         size = _size(pose - step)
-        bounds = self._bounds(noise, unseen)
+        options = self._options
+        bounds = (
+            max(options.tolerated, noise[0]) + unseen[0],
+            max(options.tolerated_turn, noise[1]) + unseen[1],
+        )
         agrees = _within(size, bounds)
-        if not doubted and (agrees or not self._options.agreement):
+        if not doubted and (agrees or not options.agreement):
             if was_seen and before.planned:
                 state.error = pose - step
             return None
@@ -154,7 +158,7 @@ class Innovation:
         far = bounds[0] + state.strayed[0], bounds[1] + state.strayed[1]
         near = _within(_size(pose - state.believed), far)
         # what comes back must jump, too; what does not is not back, however near
-        back, state.elsewhere = near and not agrees, state.agreed >= self._options.agreement
+        back, state.elsewhere = near and not agrees, state.agreed >= options.agreement
         if back or state.elsewhere:
             state.believed = None
         return state.believed
@@ -165,14 +169,6 @@ class Innovation:
         state.pace = max(abs(v), self._fading * fast), max(abs(omega), self._fading * turning)
         dt = self._dt
         return self._options.slip * dt * state.pace[0], TURN_SLIP * dt * state.pace[1]
-
-    def _bounds(self, noise: tuple[float, float], slip: tuple[float, float]) -> tuple[float, float]:
-        """Largest innovations that are no jump."""
-        options = self._options
-        return (
-            max(options.tolerated, noise[0]) + slip[0],
-            max(options.tolerated_turn, noise[1]) + slip[1],
-        )
 
 
 def _give_up(state: InnovationState) -> None:

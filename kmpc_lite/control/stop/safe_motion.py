@@ -8,7 +8,8 @@ be driven.
 
 It holds as far as these are true:
 
-- the model is wrong by less than its margins (`margins/margins.py`);
+- the model is wrong by less than its margins (`margins/margins.py`), but for how late the robot
+  answers, which is found while it drives (`estimate/lateness.py`);
 - circles keep their velocity, or turn for a while, and solids stay until the robot stands; a
   standing robot can still be driven into;
 - the pose is right, and every obstacle that the motion comes to is known: all are given, or those
@@ -157,6 +158,9 @@ class SafeMotions:
         time = self._dt * (len(ramp) + task.model.history)
         assert task.margins is not None and task.felt is not None
         one = np.array([driven]), np.array([turned])
+        if task.rolls_on is not None:
+            farther = np.abs(task.rolls_on)
+            far += float(np.hypot(*farther[:2]) + self._reach * farther[2])
         far += float(task.margins.of_motions(task.felt, *one)[0]) + time * task.around.fastest()
         places = places_of(self._footprint, here)
         nearest = task.around.clearance(places[None, None], np.zeros(1), places) - self._radius
@@ -215,6 +219,8 @@ class SafeMotions:
         longest = float(distances.max())
         count = kernel.samples_a_period(longest, self._unit)
         poses, begin = library.samples(states, count), places_of(self._footprint, here)
+        if task.rolls_on is not None:
+            poses += task.rolls_on
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
         body = at_rest = None

@@ -54,8 +54,7 @@ def test_every_board_reports_a_dead_encoder_until_it_is_released(name, tmp_path)
             stood.setdefault(channel, counter(channel)) if channel == 1 else counter(channel)
         )
         stands = lambda: "counter stands" in str(rig.driver.health().faults)  # noqa: E731
-        speed = lambda: 0.3 * rig.driver.health().ready  # noqa: E731 (zero alone re-arms it)
-        assert until(lambda: rig.driver.send(speed(), 0.0) or stands())
+        assert until(lambda: rig.command(0.3, 0.0) or stands())
         assert until(lambda: rig.driver.send(0.0, 0.0) or stands()), "it was not mended"
         rig.driver.stop()
         assert until(lambda: not stands())

@@ -64,7 +64,7 @@ def test_every_board_reports_it_until_it_is_released(name, tmp_path):
 
         rig.emulator._body._step = runs_away
         away = lambda: any("faster than" in f for f in rig.driver.health().faults)  # noqa: E731
-        assert until(lambda: rig.driver.send(0.2, 0.0) or away())
+        assert until(lambda: rig.command(0.2, 0.0) or away())
         rig.drive(0.0, 0.0, 0.5)
         assert away(), "it stands again, but nothing was mended"
         rig.driver.stop()

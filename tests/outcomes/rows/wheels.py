@@ -157,6 +157,7 @@ def corridor(seed: int, width: float, bend: float, **options: Any) -> Setup:
 for width, bend in ((2.2, 0.7), (2.5, -0.5), (2.8, 0.9)):
     CARS.add(f"a golf cart in a corridor of {width} m", corridor, width, bend)
 CARS.add("a golf cart in a corridor, adapted", corridor, 2.6, -0.8, adaptation=True)
+CARS.add("a golf cart that rolled into a wall", lambda _: corridor(7, 2.5, -0.9), quick=True)
 
 
 def told(seed: int) -> Setup:
