@@ -72,8 +72,7 @@ def add_limits(add: Add) -> None:
         metavar=("XMIN", "YMIN", "XMAX", "YMAX"),
         help="safety.geofence [m]",
     )
-    own = f"{', '.join(LIDARS)} (an autopilot's own sensors)"
-    _add(add, "--lidar", "lidar.driver", own, choices=LIDARS, metavar="NAME")
+    _add(add, "--lidar", "lidar.driver", ", ".join(LIDARS), choices=LIDARS, metavar="NAME")
     where = "serial:PATH, pty:PATH, tcp:HOST:PORT, udp:HOST:PORT"
     _add(add, "--lidar-link", "lidar.link", where, metavar="URL")
     _add(add, "--socket", "safety.socket", "path of the emergency stop's socket", metavar="PATH")

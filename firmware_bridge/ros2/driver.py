@@ -27,6 +27,8 @@ SILENT, RATES, SPAN = 0.5, (0.8, 1.25), 2.0
 """Age from which a simulator's clock counts as stopped [s]; how much slower or faster than real
 time it may run, since the controller's period and the gate's patience are of real time; over which
 time that is measured [s]."""
+ENDS = 10.0
+"""How long its threads may take to end, on a busy computer [s]."""
 LOOK = 1.0
 """Between two looks at what others publish, and at maps that wait for a transform [s]."""
 DIFFERS = 0.1
@@ -77,7 +79,9 @@ class Ros2Driver:
         self._ticks: deque[tuple[float, float]] = deque()
         """Our time and the simulator's [s]."""
         self._curvature, self._idle_since = 0.0, -math.inf
-        self._executor: SingleThreadedExecutor | None = None
+        self._executor = SingleThreadedExecutor()
+        works = (self._executor.spin, "ros2"), (self._mind_maps, "ros2-maps")
+        self._threads = [threading.Thread(target=w, name=name, daemon=True) for w, name in works]
         self._new_map, self._closed = threading.Event(), False
         self._commands: Any = None
 
@@ -107,10 +111,9 @@ class Ros2Driver:
     def connect(self, timeout: float) -> None:
         """Subscribe, and wait for odometry; LinkError after `timeout` [s]."""
         self._subscribe()
-        self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        for work, name in ((self._executor.spin, "ros2"), (self._mind_maps, "ros2-maps")):
-            threading.Thread(target=work, name=name, daemon=True).start()
+        for thread in self._threads:
+            thread.start()
         until = time.monotonic() + timeout
         while self.pose.filter.latest is None:
             if time.monotonic() > until:
@@ -354,9 +357,11 @@ class Ros2Driver:
     def close(self) -> None:
         """Leave the network; idempotent."""
         self._closed = True
-        if self._executor is not None:
-            self._executor.shutdown(timeout_sec=1.0)
-            self._executor = None
+        self._new_map.set()
+        self._executor.shutdown(timeout_sec=ENDS)
+        # a node that is taken from under a thread aborts the process
+        for thread in filter(threading.Thread.is_alive, self._threads):
+            thread.join(ENDS)
         self.node.destroy_node()
 
 

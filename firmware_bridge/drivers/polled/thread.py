@@ -139,9 +139,7 @@ class PollingThread(Board):
                 self._set_up()
                 now = time.monotonic()
                 if now >= deadline:
-                    deadline = max(
-                        deadline + self._period, now
-                    )  # after a stall, skip: do not burst
+                    deadline = max(deadline + self._period, now)  # no burst after a stall
                     self._round(cycle)
                     cycle += 1
                 self._exchange.wait(lambda: self._held.pending, deadline - time.monotonic())
@@ -151,9 +149,7 @@ class PollingThread(Board):
             except LinkError as error:  # the board answers, and does not do what it should
                 self._trouble = (str(error),)
                 self._exchange.wait(lambda: False, 0.05)
-            except (
-                Exception
-            ) as error:  # nothing that a board says may end this thread: it is counted and reported
+            except Exception as error:  # nothing that a board says may end this thread
                 self._counters["driver_errors"] += 1
                 self._trouble = (f"{type(error).__name__}: {error}",)
                 self._configured = False
@@ -199,9 +195,8 @@ class PollingThread(Board):
 
     def _send_pending(self) -> None:
         """Send the newest command, if it has not been."""
-        with (
-            self._changed
-        ):  # held while a frame is queued, so that two threads cannot swap a command and a zero
+        # held while a frame is queued, so that two threads cannot swap a command and a zero
+        with self._changed:
             if not self._held.pending:
                 return
             self._held.pending = False

@@ -53,7 +53,7 @@ class Rplidar(SerialLidar):
     """
 
     name = "RPLIDAR"
-    bauds = f"{BAUD}; 256000 of A2M7 and A2M12, which is not supported"
+    bauds = f"{BAUD}; 256000 of A2M7 and A2M12"
 
     def __init__(self, transport: Transport) -> None:
         super().__init__(transport, Turns(RANGE_MIN, RANGE_MAX))
