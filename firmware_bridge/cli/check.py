@@ -10,10 +10,10 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
-from firmware_bridge.cli.course import scenario_of
-from firmware_bridge.cli.model_gate import describe_model
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
+from firmware_bridge.integration.course import scenario_of
+from firmware_bridge.integration.model_gate import describe_model
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import BridgeError, LidarError, LinkError, VelocityCommand
 from firmware_bridge.robot_file import Robot
@@ -190,7 +190,7 @@ def _place(driver: Driver, robot: Robot) -> list[Finding]:
     state = driver.state()
     if robot.control.scenario is None or not robot.control.map or state is None:
         return []
-    from firmware_bridge.cli.course import misplaced, own_frame
+    from firmware_bridge.integration.course import misplaced, own_frame
 
     scenario = scenario_of(robot)
     here = placed(state, own_frame(robot, scenario))

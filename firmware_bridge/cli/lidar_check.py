@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from firmware_bridge.cli.course import own_frame, scenario_of
+from firmware_bridge.integration.course import own_frame, scenario_of
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.timing import listen

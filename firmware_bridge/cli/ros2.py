@@ -9,7 +9,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.cli.course import Course, beyond, course
 from firmware_bridge.cli.options import (
     add_course_options,
     add_limits,
@@ -18,7 +17,8 @@ from firmware_bridge.cli.options import (
     people,
     prepare,
 )
-from firmware_bridge.cli.recording import recorder_of, recording_to
+from firmware_bridge.integration.course import Course, beyond, course
+from firmware_bridge.integration.recording import recorder_of, recording_to
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS, TOPICS, Robot, load_robot
 from kmpc_lite.cli.command import Command
@@ -26,7 +26,7 @@ from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.goals import add_goal_options
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
-from kmpc_lite.cli.tuning import add_clearance, split_settings, wishes_of
+from kmpc_lite.cli.tuning import add_clearance, drive_overrides, split_settings
 
 if TYPE_CHECKING:
     from firmware_bridge.ros2.driver import Ros2Driver
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     """Serve goals until Ctrl-C, or drive to those of the command line."""
     need("without /opt/ros/$ROS_DISTRO/setup.bash sourced, kmpc ros2", "rclpy")
     options.set, tuning = split_settings(options.set, SECTIONS)
-    wishes = wishes_of(options, tuning)
+    overrides = drive_overrides(options, tuning)
     prepare(options)
     with ExitStack() as stack:
         driver, robot = stack.enter_context(_node(options))
@@ -74,8 +74,8 @@ def run(options: argparse.Namespace) -> int:
             robot,
             options.settle,
             options.seconds,
-            wishes=wishes,
-            click=not wishes.goals,
+            overrides=overrides,
+            click=not overrides.goals,
             look=lambda moment: driver.obstacles(moment.stamp),
             planner=planner,
         )

@@ -8,8 +8,6 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-from firmware_bridge.cli.course import DRIVE_TIME, Course, course
-from firmware_bridge.cli.live import Showing
 from firmware_bridge.cli.live_options import add_live_options, live_address
 from firmware_bridge.cli.options import (
     add_course_options,
@@ -19,8 +17,10 @@ from firmware_bridge.cli.options import (
     prepare,
     read_robot,
 )
-from firmware_bridge.cli.recording import recorder_of, recording_to
-from firmware_bridge.cli.rehearsal import Rehearsal, advice
+from firmware_bridge.integration.course import DRIVE_TIME, Course, course
+from firmware_bridge.integration.recording import recorder_of, recording_to
+from firmware_bridge.integration.rehearsal import Rehearsal, advice
+from firmware_bridge.integration.showing import Showing
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS
 from firmware_bridge.safety.places import default_socket
@@ -28,7 +28,7 @@ from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.goals import add_goal_options
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
-from kmpc_lite.cli.tuning import add_clearance, split_settings, wishes_of
+from kmpc_lite.cli.tuning import add_clearance, drive_overrides, split_settings
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
         saw,
         wait=options.wait,
         rehearse=rehearse,
-        wishes=wishes_of(options, tuning),
+        overrides=drive_overrides(options, tuning),
         click=options.click,
     )
     prepare(options)

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need, part
-from kmpc_lite.cli.files import keep_inputs
 from kmpc_lite.cli.log_options import add_log_options, read_options
-from kmpc_lite.cli.output import paint
+from kmpc_lite.cli.output import keep_inputs, paint
 
 if TYPE_CHECKING:
     from kmpc_lite.learn.loading import Findings

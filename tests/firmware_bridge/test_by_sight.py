@@ -8,7 +8,7 @@ import pytest
 from robots import Clock
 
 import kmpc_lite as kl
-from firmware_bridge.cli.planning import laser_scan
+from firmware_bridge.integration.course import laser_scan
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.controller_thread import unicycle_arc
@@ -92,7 +92,7 @@ def robot(tmp_path):
 
 def drive(robot, seconds, also=None):
     """Drive by sight; gives the report, and the navigator."""
-    from firmware_bridge.cli.course import course
+    from firmware_bridge.integration.course import course
 
     job = course(robot, 0.5, seconds)
     if also is not None:

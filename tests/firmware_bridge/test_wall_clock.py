@@ -12,7 +12,7 @@ def test_no_wall_clock_decides_anything():
     It is read once, for logs, recordings and the stamps of signatures; ROS 2 messages carry it.
     """
     allowed = {
-        "cli/recording.py": 1,
+        "integration/recording.py": 1,
         "recording/link_log.py": 1,
         "drivers/mavlink/driver.py": 1,
         "ros2/driver.py": 1,

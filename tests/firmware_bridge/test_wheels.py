@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.cli.course import base_problem, load_model
+from firmware_bridge.integration.course import base_problem, load_model
 from firmware_bridge.kinematics import CarGeometry, OmniGeometry, curvature_of
 from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.odometry import Steering, WheelOdometry

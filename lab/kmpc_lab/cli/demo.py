@@ -14,8 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.cli.course import course
-from firmware_bridge.cli.recording import NAME, recorder_of
+from firmware_bridge.integration.course import course
+from firmware_bridge.integration.recording import NAME, recorder_of
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.safety.gate_settings import TICK

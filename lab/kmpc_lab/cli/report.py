@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.files import keep_inputs
-from kmpc_lite.cli.output import command_line
+from kmpc_lite.cli.output import command_line, keep_inputs
 
 if TYPE_CHECKING:
     from kmpc_lab.sim.closed_loop import Run

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from kmpc_lite.cli.goals import PoseOption, add_goal_options
 from kmpc_lite.cli.numbers import positive
-from kmpc_lite.cli.tuning import TURN_SHARE, add_clearance, wishes_of
+from kmpc_lite.cli.tuning import TURN_SHARE, add_clearance, drive_overrides
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.bundled import bundled
@@ -90,8 +90,8 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
         if len(row) not in (3, 5):
             told = " ".join(f"{value:g}" for value in row)
             raise ScenarioError(f"--obstacle {told}: expected X Y R or X Y R VX VY")
-    wishes = wishes_of(options, options.set)
-    goals = wishes.goals
+    overrides = drive_overrides(options, options.set)
+    goals = overrides.goals
     if named is None and not goals and (options.start or options.obstacle):
         raise ScenarioError("--start and --obstacle: give a --goal X Y THETA, or a scenario, too")
     if named is None and goals:
@@ -103,7 +103,7 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
         table["map"]["circles"] += options.obstacle
         if options.start is not None:
             table["robot"]["start"] = options.start
-    wishes.put(table)
+    overrides.put(table)
     if (acceleration := options.max_acceleration) is not None:
         table["robot"]["du_max"] = [acceleration, TURN_SHARE * acceleration]
     for section, key in (("plant", "slip"), ("run", "seed"), ("run", "timeout")):

@@ -8,7 +8,7 @@ from courses import PATIENT
 from emulated_robots import emulated, robot_options
 from waiting import until
 
-from firmware_bridge.cli.course import misplaced
+from firmware_bridge.integration.course import misplaced
 from kmpc_lite.cli.main import main
 from kmpc_lite.scenario.files import Scenario
 

@@ -7,7 +7,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from firmware_bridge.cli.course import (
+from firmware_bridge.integration.course import (
     base_problem,
     build_controller,
     course,

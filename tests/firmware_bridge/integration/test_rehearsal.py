@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.cli.rehearsal import (
+from firmware_bridge.integration.rehearsal import (
     Rehearsal,
     advice,
     at_half_speed,

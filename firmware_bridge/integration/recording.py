@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from firmware_bridge.messages import ConfigError
 
 if TYPE_CHECKING:
-    from firmware_bridge.cli.course import Course
+    from firmware_bridge.integration.course import Course
     from firmware_bridge.messages import LinkStatus, State
     from firmware_bridge.recording.durable import DurableFile
     from firmware_bridge.robot_file import Robot

@@ -1,20 +1,30 @@
-"""A robot file made a drive: kmpc_lite's controller and scenario as the bridge wants them."""
+"""A robot file, a model and a map become a drive: a pose and a scan in, a command out."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from firmware_bridge.cli.planning import Look, SeenGap, Watcher, planning
-from firmware_bridge.messages import ConfigError
+from firmware_bridge.integration.model_gate import load_model
+from firmware_bridge.messages import ConfigError, command_of, speeds_of
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
-from kmpc_lite.cli.tuning import Wishes
 from kmpc_lite.scenario.drawn import NO_AREA
+from kmpc_lite.scenario.overrides import DriveOverrides
 
-NO_WISHES = Wishes()
+if TYPE_CHECKING:
+    from firmware_bridge.runtime.navigator import Moment, Step
+    from firmware_bridge.runtime.route import Route
+
+Look = Callable[["Moment"], tuple[list[Any], Any] | None]
+"""What a robot sees: obstacles, and the scan among them, if any; None while it is blind."""
+Watcher = Callable[[Pose, Any, Any], None]
+"""Receives each pose, its plan and its scan, in the thread that plans."""
+
+NO_OVERRIDES = DriveOverrides()
 HERE = (0.0, 0.0, 0.0)
 """About this an empty map is drawn if goals are clicked."""
 FENCE_ROOM = 0.25
@@ -51,7 +61,7 @@ def course(
     watch: Watcher | None = None,
     wait: float | None = None,
     rehearse: bool = False,
-    wishes: Wishes = NO_WISHES,
+    overrides: DriveOverrides = NO_OVERRIDES,
     click: bool = False,
     look: Look | None = None,
     planner: Any = None,
@@ -72,7 +82,7 @@ def course(
         How long the vehicle may take until it drives [s]; `seconds` if not given.
     rehearse : bool
         Whether it drives at half the speed that limits and model allow.
-    wishes : Wishes
+    overrides : DriveOverrides
         What counts instead of the scenario's own.
     click : bool
         Whether goals are clicked while it drives, instead of the scenario's.
@@ -90,16 +100,16 @@ def course(
     from firmware_bridge.runtime.navigator import Navigator, Task
     from firmware_bridge.runtime.route import Route
 
-    if click and not wishes.goals and robot.control.scenario is None:
-        wishes = wishes._replace(goals=(HERE,))
-    scenario = scenario_of(robot, wishes)
+    if click and not overrides.goals and robot.control.scenario is None:
+        overrides = overrides._replace(goals=(HERE,))
+    scenario = scenario_of(robot, overrides)
     if look is not None and robot.control.scenario is None:
         fence = robot.gate.geofence
         has_area, area = fence is not None, fence or scenario.bounds
         scenario = replace(scenario, bounds=area, has_area=has_area)
     try:
         robot, learned, notes = load_model(robot, rehearse)
-        if robot.footprint is None and wishes.radius is None:
+        if robot.footprint is None and overrides.radius is None:
             shape = {k: learned.info[k] for k in ("radius", "footprint") if k in learned.info}
             scenario = scenario.of_robot(shape)
         controller = build_controller(robot, scenario, learned, planner)
@@ -164,8 +174,8 @@ def beyond(robot: Robot, goal: Pose) -> str:
     return f"goal ({x:g}, {y:g}) lies outside the geofence [{fence}]"
 
 
-def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:
-    """Scenario of a robot's file, with its footprint and wheels, and a command line's wishes.
+def scenario_of(robot: Robot, overrides: DriveOverrides = NO_OVERRIDES) -> Any:
+    """Scenario of a robot's file, with its footprint and wheels, and a command line's overrides.
 
     Raises
     ------
@@ -180,17 +190,17 @@ def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:
     from kmpc_lite.scenario.files import Scenario
 
     named = robot.control.scenario
-    if named is None and not wishes.goals:
+    if named is None and not overrides.goals:
         raise ConfigError(
             f"{robot.where}: control.scenario: missing: give --scenario NAME or --goal X Y THETA"
         )
     try:
         if named is None:
-            name, table = "command line", drawn_table(wishes.goals)
+            name, table = "command line", drawn_table(overrides.goals)
         else:
             scenario = Scenario.load(named)
             name, table = scenario.name, parse_toml(scenario.to_toml())
-        wishes.put(table)
+        overrides.put(table)
         # what is drawn of a map without bounds has room around it, and is where the robot may go
         scenario = replace(Scenario.from_table(table, name, named or name), has_area=True)
         if robot.footprint is not None:
@@ -208,30 +218,6 @@ def _together(robot: Robot) -> dict[str, Any]:
     if robot.wheels.kind != "differential":
         return {}
     return {key: geometry[key] for key in ("track", "max_wheel_speed") if key in geometry}
-
-
-def load_model(robot: Robot, rehearse: bool = False) -> tuple[Robot, Any, tuple[str, ...]]:
-    """Load the robot's model; give the robot within what it has shown, the model, and notes."""
-    import kmpc_lite as kl
-    from firmware_bridge.cli.model_gate import fit_for, with_latency
-    from firmware_bridge.cli.rehearsal import at_half_speed
-
-    file, period = robot.control.model, robot.control.period
-    if file is None:
-        robot, note = with_latency(robot, None)
-        nominal = kl.nominal_omni if robot.wheels.kind == "omni" else kl.nominal_unicycle
-        return robot, nominal(period or 0.1), (note,) if note else ()
-    learned = kl.KoopmanModel.load(file)
-    robot, notes = fit_for(robot, learned, file)
-    robot = at_half_speed(robot) if rehearse else robot
-    if period is not None and abs(period - learned.dt) > 1e-9:
-        learned = learned.with_dt(period)
-    if robot.control.latency:
-        # what the robot file says stands for what the log showed
-        info = {k: v for k, v in learned.info.items() if k != "unmodelled_delay"}
-        learned = replace(learned, info=info)
-    robot, note = with_latency(robot, learned)
-    return robot, learned, (*notes, note) if note else tuple(notes)
 
 
 def build_controller(robot: Robot, scenario: Any, learned: Any, planner: Any = None) -> Any:
@@ -317,3 +303,88 @@ def own_frame(robot: Robot, scenario: Any) -> Pose:
         return 0.0, 0.0, 0.0
     start: Pose = scenario.start
     return start
+
+
+def planning(
+    robot: Robot,
+    scenario: Any,
+    controller: Any,
+    route: Route,
+    watchers: Sequence[Watcher],
+    look: Look | None = None,
+) -> Step:
+    """Give what plans from a pose to the present goal, past what the robot knows and sees.
+
+    With `look`, its obstacles count instead of the lidar's, and who drives to goals that come while
+    it drives plans nothing at a goal that is held: others may drive then.
+    """
+    from firmware_bridge.runtime.navigator import Planned
+
+    solids = () if scenario.solids is None else scenario.solids.solids
+    inputs = controller.problem.wheels.inputs
+    told, yields = robot.control.map, look is not None and route.clicked
+    waits = "no goal yet" if yields else "no goal yet: tap the map of the live page"
+    if look is None:
+        look = _by_lidar if robot.lidar is not None else _nothing
+
+    def step(pose: Pose, circles: Any, moment: Moment) -> Planned:
+        if route.idle or (yields and route.done):
+            return Planned(0.0, 0.0, "NO_GOAL", "the goal is held" if route.done else waits)
+        if (seen := look(moment)) is None:
+            return Planned(0.0, 0.0, "NO_SCAN")
+        obstacles = [*(circles if told else ()), *(solids if told else ()), *seen[0]]
+        plan = controller.step(pose, route.goal, obstacles, sent=command_of(moment.held, inputs))
+        if len(route.goals) > 1:
+            plan = replace(plan, leg=route.leg)
+        for saw in watchers:
+            saw(pose, plan, seen[1])
+        v, omega, vy = speeds_of(plan.command)
+        return Planned(v, omega, plan.status.name, plan.reason, vy)
+
+    return step
+
+
+class SeenGap:
+    """Distance of a pose to what was seen at the last plan: a `Watcher`."""
+
+    def __init__(self) -> None:
+        self._around: Any = None
+
+    def saw(self, pose: Pose, plan: Any, scan: Any) -> None:
+        """Take a plan."""
+        self._around = plan.around
+
+    def __call__(self, pose: Pose, time: float) -> float:
+        """Distance between the edges [m]; infinite before the first plan."""
+        import numpy as np
+
+        return math.inf if self._around is None else float(self._around.clearance(np.array([pose])))
+
+
+def _nothing(moment: Moment) -> tuple[list[Any], Any]:
+    return [], None
+
+
+def _by_lidar(moment: Moment) -> tuple[list[Any], Any] | None:
+    if moment.scan is None:
+        return None
+    scan = laser_scan(moment.scan)
+    return [scan], scan
+
+
+def laser_scan(scan: Any) -> Any:
+    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.scan.Scan`).
+
+    Its age is zero: the mount already says where the sensor was, as seen from the step's pose.
+    """
+    import kmpc_lite as kl
+
+    return kl.LaserScan(
+        scan.ranges,
+        scan.angle_min,
+        scan.angle_increment,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        mount=scan.mount,
+        noise=scan.noise,
+    )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from firmware_bridge.safety.gate_table import DRIVING, Reason
 
 if TYPE_CHECKING:
-    from firmware_bridge.cli.course import Course
+    from firmware_bridge.integration.course import Course
     from firmware_bridge.live.address import LiveAddress
     from firmware_bridge.live.channel import Packet
     from firmware_bridge.live.moment import LastStep
@@ -71,7 +71,7 @@ class Showing:
 
     def hear(self, word: str) -> None:
         """Take a goal that was clicked on the page, with its token: `goal X Y THETA`."""
-        from firmware_bridge.cli.course import beyond
+        from firmware_bridge.integration.course import beyond
 
         assert self.job is not None
         x, y, theta = map(float, word.split()[1:])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.cli.model_gate import describe_model, fit_for, with_latency
+from firmware_bridge.integration.model_gate import describe_model, fit_for, with_latency
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.safety.limits import Limits

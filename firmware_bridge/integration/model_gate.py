@@ -171,7 +171,6 @@ def describe_model(robot: Robot) -> list[tuple[bool, str]]:
     if robot.control.model is None:
         return [(True, f"no model: the nominal unicycle; {_limits(limits)}, {_braking(robot)}")]
     import kmpc_lite as kl
-    from firmware_bridge.cli.course import load_model
     from kmpc_lite.learn.verdict import format_changes
 
     try:
@@ -211,3 +210,26 @@ def _braking(robot: Robot) -> str:
     else:
         source = "the default"
     return f"braking at {deceleration:.2g} m/s^2 ({source})"
+
+
+def load_model(robot: Robot, rehearse: bool = False) -> tuple[Robot, Any, tuple[str, ...]]:
+    """Load the robot's model; give the robot within what it has shown, the model, and notes."""
+    import kmpc_lite as kl
+    from firmware_bridge.integration.rehearsal import at_half_speed
+
+    file, period = robot.control.model, robot.control.period
+    if file is None:
+        robot, note = with_latency(robot, None)
+        nominal = kl.nominal_omni if robot.wheels.kind == "omni" else kl.nominal_unicycle
+        return robot, nominal(period or 0.1), (note,) if note else ()
+    learned = kl.KoopmanModel.load(file)
+    robot, notes = fit_for(robot, learned, file)
+    robot = at_half_speed(robot) if rehearse else robot
+    if period is not None and abs(period - learned.dt) > 1e-9:
+        learned = learned.with_dt(period)
+    if robot.control.latency:
+        # what the robot file says stands for what the log showed
+        info = {k: v for k, v in learned.info.items() if k != "unmodelled_delay"}
+        learned = replace(learned, info=info)
+    robot, note = with_latency(robot, learned)
+    return robot, learned, (*notes, note) if note else tuple(notes)
