@@ -11,7 +11,7 @@ from kmpc_lite.errors import ScenarioError, did_you_mean
 from kmpc_lite.scenario.overrides import WEIGHTS, DriveOverrides
 
 TURN_SHARE = 4.0
-"""Change of the turn rate [rad/s^2] for each m/s^2 of ``--max-acceleration``."""
+"""Of the turn rate [rad/s^2], for each m/s^2 of ``--max-acceleration``."""
 
 
 def add_clearance(add: Callable[..., object]) -> None:
@@ -29,8 +29,8 @@ def add_clearance(add: Callable[..., object]) -> None:
 
 def drive_overrides(options: argparse.Namespace, tuning: Sequence[str]) -> DriveOverrides:
     """Give what a command line asks for; `tuning` are its ``--set`` of the controller."""
-    given = goals_of(options), options.loop, options.margin, vars(options).get("radius")
-    return DriveOverrides(*given, tuning)
+    radius = vars(options).get("radius")
+    return DriveOverrides(goals_of(options), options.loop, options.margin, radius, tuning)
 
 
 def split_settings(items: Sequence[str], sections: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from kmpc_lite.errors import ScenarioError
+from kmpc_lite.errors import ProblemError, ScenarioError
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.drawn import goals_table
 
@@ -38,8 +38,7 @@ class DriveOverrides(NamedTuple):
         if self.clearance is not None:
             run["margin"] = self.clearance
         for item in self.options:
-            name, value = assignment(item)
-            *groups, option = name
+            (*groups, option), value = assignment(item)
             if groups == [WEIGHTS]:
                 table.setdefault(WEIGHTS, {})[option] = value
                 continue
@@ -66,7 +65,6 @@ def assignment(item: str) -> tuple[list[str], Any]:
 def check_options(item: str, tables: dict[str, Any]) -> None:
     """Raise ScenarioError, with the nearest names, for options that no controller has."""
     from kmpc_lite.control.options import ControllerOptions
-    from kmpc_lite.errors import ProblemError
 
     try:
         ControllerOptions.from_dict(tables)
