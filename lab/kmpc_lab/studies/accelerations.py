@@ -11,21 +11,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from kmpc_lab.sim.periods import periods
+from kmpc_lab.studies import drive_results
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn
+from kmpc_lab.studies.drive_results import (
+    Column,
+    DriveResult,
+    circle_gaps,
+    closed_loop,
+    mean_of,
+)
 from kmpc_lab.studies.records import Work
 from kmpc_lite.control import Circle, Controller, NavigationProblem
-from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
-from kmpc_lite.scenario.arrival import in_pose
 from kmpc_lite.types import Array
 
 ROBOTS = {
@@ -53,32 +56,20 @@ QUICK = 2.0
 """Speed from which on fields and robots are larger [m/s]."""
 GAP = 3.0
 """Least gap between circles [radii of the robot]: it can drive through all of them."""
-HELD = 1.0
-"""How long a goal must be held [s]."""
 SLIP = 0.05
-
-
-@dataclass(frozen=True)
-class LimitedDrive:
-    """What became of one drive."""
-
-    robot: str
-    knows: str
-    reach: float
-    seed: int
-    in_pose: bool
-    collided: bool
-    seconds: float
-    ideal_seconds: float
-    clearance: float
-    fastest: float
-    """Speed that it drove [m/s]."""
-    stopped: float
-    """Share of steps STOPPED or FALLBACK."""
-    feasible: float
-    jerk: float
-    """RMS of the change of commands, as a share of the bounds."""
-    ended: str
+COLUMNS = (
+    *drive_results.DRIVES,
+    drive_results.TIME,
+    Column(
+        "FALLBACK, STOPPED",
+        ".1%",
+        lambda rows: float(np.mean([row.fallback + row.stopped for row in rows])),
+    ),
+    Column("FEASIBLE", ".1%", mean_of("feasible")),
+    Column("jerk", ".3f", mean_of("jerk")),
+    Column("least gap [m]", ".2f", lambda rows: min(row.clearance for row in rows)),
+    Column("fastest", ".2f", mean_of("fastest")),
+)
 
 
 def robot_of(name: str) -> Robot:
@@ -162,104 +153,45 @@ def ideal_seconds(name: str, start: Array, goal: Array) -> float:
     return time(math.hypot(*away), robot.speed, ramp) + quickest
 
 
-def drive(name: str, knows: str, reach: float, seed: int) -> LimitedDrive:
+def drive(name: str, knows: str, reach: float, seed: int) -> DriveResult:
     """Drive one field."""
     robot = robot_of(name)
     side = SIDE[robot.speed >= QUICK]
-    start, goal, circles = field(robot, side, seed)
-    controller = Controller(model_of(name, knows), problem_of(robot, side, knows, reach))
-    ideal, tolerance = ideal_seconds(name, start, goal), in_pose(robot.radius, np.zeros(3))
+    start, goal, rows = field(robot, side, seed)
+    problem = problem_of(robot, side, knows, reach)
+    circles, ideal = [Circle(*row) for row in rows], ideal_seconds(name, start, goal)
 
-    def step(pose: Array, k: int) -> Plan:
-        gaps = np.hypot(*(circles[:, :2] - pose[:2]).T) - circles[:, 2] - robot.radius
-        return controller.step(pose, goal, [Circle(*c) for c in circles[gaps <= (reach or np.inf)]])
+    def seen(pose: Array) -> list[Circle]:
+        gaps = np.hypot(*(rows[:, :2] - pose[:2]).T) - rows[:, 2] - robot.radius
+        return [circles[k] for k in np.flatnonzero(gaps <= (reach or np.inf))]
 
-    inside, clearance, statuses, commands = 0.0, np.inf, [], []
-    most = math.ceil((5.0 * ideal + 20.0) / robot.dt)
-    for period in periods(step, RobotPlant(robot, seed).drive, start, most):
-        plan, poses = period.plan, period.poses
-        statuses.append(plan.status)
-        commands.append(plan.command / (robot.speed, robot.turn_rate))
-        away = np.hypot(*np.moveaxis(poses[:, None, :2] - circles[:, :2], -1, 0)) - circles[:, 2]
-        clearance = min(clearance, float(away.min()) - robot.radius)
-        inside = inside + robot.dt if tolerance.met(poses[-1], goal) else 0.0
-        if clearance < 0.0 or inside >= HELD:
-            break
-    driven = np.array(commands)
-    waits = sum(s in (PlanStatus.STOPPED, PlanStatus.FALLBACK) for s in statuses)
-    return LimitedDrive(
-        name,
-        knows,
-        reach,
-        seed,
-        inside >= HELD,
-        clearance < 0.0,
-        len(statuses) * robot.dt - inside,
-        ideal,
-        clearance,
-        float(np.abs(driven[:, 0]).max()) * robot.speed,
-        waits / len(statuses),
-        statuses.count(PlanStatus.FEASIBLE) / len(statuses),
-        float(np.sqrt((np.diff(driven, axis=0) ** 2).sum(axis=1).mean())),
-        f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
-    )
+    limit, gaps = 5.0 * ideal + 20.0, circle_gaps(problem, circles)
+    task = drive_results.Drive(start, goal, ideal, limit, seen, gaps)
+    controller = Controller(model_of(name, knows), problem)
+    axes = name, knows, f"reach {reach or math.inf:g} m"
+    return closed_loop(axes, seed, controller, RobotPlant(robot, seed).drive, task)
 
 
 def study(
     work: Work, names: Sequence[str], seeds: Sequence[int], reaches: Sequence[float] = REACHES
-) -> list[LimitedDrive]:
+) -> list[DriveResult]:
     """Drive all robots, with what is given and what is learned, by what is known and by sight."""
-    return work.rows("limits", product(names, reaches, KNOWS, seeds), _drive, LimitedDrive)
+    return work.rows("limits", product(names, reaches, KNOWS, seeds), _drive, DriveResult)
 
 
-def _drive(name: str, reach: float, knows: str, seed: int) -> LimitedDrive:
+def _drive(name: str, reach: float, knows: str, seed: int) -> DriveResult:
     return drive(name, knows, reach, seed)
 
 
-def summary(rows: Sequence[LimitedDrive]) -> dict[str, Any]:
-    """Counts and medians of drives."""
-    times = [row.seconds / row.ideal_seconds for row in rows if row.in_pose]
-    return {
-        "drives": len(rows),
-        "in_pose": sum(row.in_pose for row in rows),
-        "collisions": sum(row.collided for row in rows),
-        "time_to_ideal": float(np.median(times)) if times else math.nan,
-        "stopped": float(np.mean([row.stopped for row in rows])),
-        "feasible": float(np.mean([row.feasible for row in rows])),
-        "jerk": float(np.mean([row.jerk for row in rows])),
-        "clearance": min(row.clearance for row in rows),
-        "fastest": float(np.mean([row.fastest for row in rows])),
-    }
-
-
-def learned_to_given(rows: Sequence[LimitedDrive]) -> float:
-    """Median of the times with a learned model to those with limits given, of the same fields."""
-    by = {(r.robot, r.reach, r.seed, r.knows): r.seconds for r in rows if r.in_pose}
-    pairs = [(key[:3], time) for key, time in by.items() if key[3] == "learned"]
-    ratios = [time / by[*key, "given"] for key, time in pairs if (*key, "given") in by]
-    return float(np.median(ratios)) if ratios else math.nan
-
-
-def format_rows(rows: Sequence[LimitedDrive]) -> str:
+def format_rows(rows: Sequence[DriveResult]) -> str:
     """Table, and every drive that touched or did not end in pose."""
-    lines = [
-        f"{'':32} {'knows':8} reach drives in pose hit  time/ideal  FALLBACK, STOPPED  FEASIBLE"
-        "   jerk  least gap  fastest  learned/given"
-    ]
-    for name, reach, knows in dict.fromkeys((r.robot, r.reach, r.knows) for r in rows):
-        both = [row for row in rows if (row.robot, row.reach) == (name, reach)]
-        s = summary([row for row in both if row.knows == knows])
-        lines.append(
-            f"{name:32} {knows:8} {reach or math.inf:5g} {s['drives']:6d} {s['in_pose']:7d} "
-            f"{s['collisions']:3d} {s['time_to_ideal']:11.2f} {100 * s['stopped']:17.1f}% "
-            f"{100 * s['feasible']:8.1f}% {s['jerk']:6.3f} {s['clearance']:8.2f} m "
-            f"{s['fastest']:8.2f} "
-            + (f"{learned_to_given(both):14.2f}" if knows != "given" else "")
-        )
-    lines += [
-        f"{row.robot}, {row.knows}, reach {row.reach or math.inf:g} m, field {row.seed}: "
-        + ("touched" if row.collided else row.ended)
-        for row in rows
-        if row.collided or not row.in_pose
-    ]
-    return "\n".join(line.rstrip() for line in lines)
+    given = {(r.axes[0], r.axes[2], r.seed): r.seconds for r in rows if "given" in r.axes}
+
+    def learned_to_given(some: Sequence[DriveResult]) -> float:
+        """Median of the times to those of the same fields with limits given."""
+        pairs = ((r.seconds, given.get((r.axes[0], r.axes[2], r.seed))) for r in some if r.arrived)
+        ratios = [time / other for time, other in pairs if other]
+        return float(np.median(ratios)) if ratios else math.nan
+
+    columns = *COLUMNS, Column("to given", ".2f", learned_to_given)
+    return drive_results.table(rows, columns, "field")

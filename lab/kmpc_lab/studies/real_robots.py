@@ -18,8 +18,9 @@ from typing import Literal
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot
+from kmpc_lab.studies.drive_results import DriveResult
 from kmpc_lab.studies.records import Work
-from kmpc_lab.studies.robot_drives import RobotDrive, course_of, judge
+from kmpc_lab.studies.robot_drives import course_of, judge
 from kmpc_lite.control import Controller
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.errors import DataError
@@ -242,7 +243,7 @@ def _plant_model(real: RealRobot) -> tuple[KoopmanModel, Robot]:
     return truth, replace(real.robot, noise=spread, turn_gain=gain)
 
 
-def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> RobotDrive:
+def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> DriveResult:
     """Learn from one half, and drive over the map of a seed on a plant of the other half."""
     model, its = _learn(real, recipe.lags)
     truth, robot = _plant_model(real)
@@ -255,16 +256,16 @@ def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> RobotDrive:
 
 def study(
     real: RealRobot, recipes: Sequence[Recipe], seeds: Sequence[int], work: Work
-) -> list[RobotDrive]:
+) -> list[DriveResult]:
     """Drive the models of all recipes over the same maps, with the same errors; rows in order."""
     robot = real.robot
     numbers = str(real.log), robot.radius, robot.speed, robot.turn_rate
     wanted = [(*numbers, recipe.name, seed) for recipe in recipes for seed in seeds]
-    return work.rows("real", wanted, _drive_asked, RobotDrive)
+    return work.rows("real", wanted, _drive_asked, DriveResult)
 
 
 def _drive_asked(
     log: str, radius: float, speed: float, turn_rate: float, name: str, seed: int
-) -> RobotDrive:
+) -> DriveResult:
     real = real_robot(Path(log), radius, speed, turn_rate)
     return drive_real(real, next(r for r in RECIPES if r.name == name), seed)

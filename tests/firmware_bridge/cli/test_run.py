@@ -72,14 +72,7 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
     # the goal was held within 5 cm; the last pose may be one of parking, or of a braking rover
     assert report["clearance_m"] > 0.0 and report["position_error_m"] <= 0.08
     look_at_the_states([c["to"] for c in report["loop"]["changes"]])
-    assert set(report["loop"]["times_ms"]["controller"]) == {
-        "count",
-        "mean",
-        "p50",
-        "p99",
-        "p99.9",
-        "max",
-    }
+    assert report["loop"]["times_ms"]["controller"]["p99.9"] > 0.0
     data = kl.Dataset.load("drive/drive.csv")
     assert data.dt == pytest.approx(0.05 if name == "roboclaw" else 0.1) and data.steps > 10
     logs = ["drive/drive.tlog"] if name == "rover" else []

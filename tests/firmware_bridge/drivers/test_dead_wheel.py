@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from boards import DRIVERS, Rig
+from boards import DRIVERS, Rig, patient
 from waiting import until
 
 from firmware_bridge.drivers.polled.wheel_checks import DeadWheels
@@ -43,7 +43,7 @@ def test_lag_reversing_creeping_and_standing_are_no_fault():
 
 @pytest.mark.parametrize("name", DRIVERS)
 def test_every_board_reports_a_dead_encoder_until_it_is_released(name, tmp_path):
-    rig = Rig(name, f"pty:{tmp_path / 'link'}")
+    rig = Rig(name, f"pty:{tmp_path / 'link'}", patient(name))
     stood, counter = {}, rig.emulator._turns
     try:
         rig.connect().is_ready()

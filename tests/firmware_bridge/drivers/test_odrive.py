@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from boards import GEOMETRY, Rig, distance
+from boards import GEOMETRY, Rig, distance, patient
 from waiting import until
 
 from firmware_bridge.drivers.odrive import ODriveDriver, ODriveOptions
@@ -74,8 +74,8 @@ def test_other_errors_are_never_cleared_by_the_driver(rig):
     assert until(lambda: rig.driver.send(0.0, 0.0) or rig.driver.health().ready)
 
 
-def test_zeros_under_an_encoder_error_are_no_position(rig):
-    rig.connect()
+def test_zeros_under_an_encoder_error_are_no_position(tmp_path):
+    rig = Rig("odrive", f"pty:{tmp_path}/port", patient("odrive")).connect()
     assert until(lambda: rig.command(0.3, 0.0) or rig.driver.state().x > 0.05)
     # what rolls while its encoders are silent is a matter of time: this robot stands
     rig.come_to_rest()
@@ -87,12 +87,10 @@ def test_zeros_under_an_encoder_error_are_no_position(rig):
     stamp = rig.driver.state().stamp
     assert not until(lambda: rig.driver.state().stamp > stamp, 0.2)
     rig.emulator.axes[0].errors = 0
-    assert until(
-        lambda: (
-            rig.driver.send(0.0, 0.0) or (rig.driver.health().ready and rig.driver.health().pose_ok)
-        )
-    )
+    rig.is_ready()
+    assert until(lambda: rig.driver.health().pose_ok)
     assert rig.driver.state().x == pytest.approx(rig.emulator.pose[0], abs=1e-3)
+    rig.close()
 
 
 def test_a_watchdog_that_the_board_does_not_take_is_reported(rig, monkeypatch):

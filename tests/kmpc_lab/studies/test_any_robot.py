@@ -29,7 +29,7 @@ def test_a_robot_that_is_not_round_is_judged_by_its_outline() -> None:
     footprint = next(f for f in (random_footprint(s, 0.15) for s in range(99)) if f is not None)
     robot = replace(STANDARD, footprint=footprint)
     row = drive(robot, 3004)
-    assert row.in_pose and not row.collided
+    assert row.arrived and not row.collided
     course = course_of(robot, 3004)
     corner = max(
         footprint.at(course.start).tolist(), key=lambda p: np.hypot(*(p - course.start[:2]))

@@ -47,4 +47,4 @@ def test_draws_are_of_all_sizes_and_the_same_again() -> None:
 @pytest.mark.parametrize("kind", ["car"])
 def test_a_robot_on_other_wheels_arrives_without_touching(kind: str) -> None:
     row = drive_random(31001, wheels=kind)
-    assert row.in_pose and not row.collided
+    assert row.arrived and not row.collided

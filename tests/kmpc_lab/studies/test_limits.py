@@ -1,10 +1,11 @@
 """`kmpc study limits`: fields, and one drive of a row."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from kmpc_lab.studies import accelerations
-from kmpc_lab.studies.accelerations import LimitedDrive
 
 ROBOT = "1.5 m/s, 1.5 m/s^2, 5 rad/s^2"
 
@@ -21,9 +22,9 @@ def test_fields_have_gaps_that_the_robot_can_drive_through(seed: int) -> None:
 
 def test_a_drive_of_a_row_is_counted_and_reported() -> None:
     row = accelerations.drive(ROBOT, "given", 0.0, 3)
-    assert row.in_pose and not row.collided and row.stopped + row.feasible < 0.2
-    slower = LimitedDrive(**{**vars(row), "knows": "learned", "seconds": 2.0 * row.seconds})
-    touched = LimitedDrive(**{**vars(row), "collided": True, "in_pose": False, "seed": 4})
+    assert row.arrived and not row.collided and row.stopped + row.feasible < 0.2
+    slower = replace(row, axes=(ROBOT, "learned", row.axes[2]), seconds=2.0 * row.seconds)
+    touched = replace(row, collided=True, arrived=False, seed=4)
     table = accelerations.format_rows([row, slower, touched]).splitlines()
     assert len(table) == 4 and table[2].endswith("2.00")
     assert table[-1].endswith("field 4: touched")

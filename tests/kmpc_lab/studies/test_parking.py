@@ -29,11 +29,11 @@ def test_start_and_goal_are_free_and_scenes_scale_with_the_car(kind: str) -> Non
 
 def test_a_car_parks_in_the_open_and_a_touch_is_seen() -> None:
     row = drive("open", 4)
-    assert row.in_pose and row.gear_changes <= 3
-    assert row.seconds < 2.0 * row.shortest_seconds
+    assert row.arrived and row.gear_changes <= 3
+    assert row.seconds < 2.0 * row.ideal_seconds
     car = random_car(4)
     half = 0.1 * car.length
     on_it = Polygon([(-half, -half), (half, -half), (half, half), (-half, half)])
     touched = judge("open", 4, car, Scene(np.zeros(3), np.array((1.0, 0.0, 0.0)), [on_it]))
-    assert touched.collided and not touched.in_pose
+    assert touched.collided and not touched.arrived
     assert "open, car 4: touched" in format_rows([row, touched])

@@ -41,4 +41,4 @@ def test_it_drives_the_other_half_of_a_log_to_its_pose(tmp_path: Path, log: kl.D
     log.save(tmp_path / "skidding.csv")
     real = real_robot(tmp_path / "skidding.csv", 0.3, 0.8, 1.0)
     row = drive_real(real, RECIPES[0], 300)
-    assert row.in_pose and not row.collided and row.robot == "skidding, auto"
+    assert row.arrived and not row.collided and row.axes == ("skidding, auto",)

@@ -57,25 +57,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
     """Drive the worlds; it must not happen that ours touches cylinders at rest."""
-    from kmpc_lab.studies.clutter import table
+    from kmpc_lab.studies.clutter import drives
     from kmpc_lite.errors import ScenarioError
 
     if options.barn is not None:
-        if options.moving or options.drives > table.PUBLIC:
+        if options.moving or options.drives > drives.PUBLIC:
             raise ScenarioError(
-                f"--barn: expected at most {table.PUBLIC} worlds, and no --moving beside it"
+                f"--barn: expected at most {drives.PUBLIC} worlds, and no --moving beside it"
             )
-        seeds = range(0, options.drives * (step := table.PUBLIC // options.drives), step)
+        seeds = range(0, options.drives * (step := drives.PUBLIC // options.drives), step)
     else:
         first = first_seed(options)
         seeds = range(first, first + options.drives)
-    rows = table.study(
+    rows = drives.study(
         *(work, seeds, options.conditions, options.drivers, options.moving),
         str(options.barn.absolute()) if options.barn else "",
         options.repeats,
     )
-    bad = not options.moving and any(row.collided for row in rows if row.driver == "ours")
-    return list(map(asdict, rows)), table.format_rows(rows, not options.moving), bad
+    bad = not options.moving and any(row.collided for row in rows if row.axes[1] == "ours")
+    return list(map(asdict, rows)), drives.format_rows(rows, not options.moving), bad
 
 
 CLUTTER = study(

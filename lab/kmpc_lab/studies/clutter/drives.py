@@ -9,7 +9,9 @@ most eight times the ideal one: half a point at most.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from kmpc_lab.studies.any_robot import RobotPlant
 from kmpc_lab.studies.clutter.drivers import (
     BEAMS,
     CONDITIONS,
+    DRIVERS,
     JACKAL,
     MOUNT,
     OUTLINE,
@@ -29,6 +32,8 @@ from kmpc_lab.studies.clutter.drivers import (
     Theirs,
 )
 from kmpc_lab.studies.clutter.worlds import Cylinders, draw_field, draw_moving, read_barn
+from kmpc_lab.studies.drive_results import Column, count_of, mean_of, table
+from kmpc_lab.studies.records import Work
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.scenario.touch import footprint_gaps
 from kmpc_lite.scenario.world import World
@@ -40,14 +45,36 @@ long [s]."""
 SPEED, LEAST, MOST = 2.0, 2.0, 8.0
 """The metric's ideal speed [m/s], and between which multiples of the ideal time a time counts."""
 
+PUBLIC = 300
+"""Worlds of the public set."""
+PUBLISHED = """\
+Published, in Gazebo with ROS and on other worlds, not to be compared with this kinematic replica:
+  LiCS-KI 98.0 %, score 0.489, 7.7 s; DRL-VO 93.6 %, 0.371; DWA of move_base 85.0 %, 0.159;
+  an NMPC with acados 0.4515 (2026, second-hand)"""
+COLUMNS = (
+    Column("drives", "d", len),
+    Column("arrived", "d", count_of("arrived")),
+    Column("hit", "d", count_of("collided")),
+    Column("score", ".4f", mean_of("score")),
+    Column("time", ".2f", lambda rows: mean_of("seconds")([r for r in rows if r.arrived])),
+    Column("back", ".0%", mean_of("reverses")),
+    Column("turn", ".0%", mean_of("turns")),
+    Column("FALLBACK", ".1%", mean_of("fallback")),
+    Column("FEASIBLE", ".1%", mean_of("feasible")),
+    Column("jerk", ".3f", mean_of("jerk")),
+    Column("p50", ".1f", mean_of("step_p50")),
+    Column("p99 ms", ".1f", mean_of("step_p99")),
+)
+
 
 @dataclass(frozen=True)
 class ClutterDrive:
     """What became of one drive."""
 
-    driver: str
-    world: str
-    condition: str
+    axes: tuple[str, ...]
+    """Condition and driver."""
+    seed: str
+    """Name of the world."""
     arrived: bool
     collided: bool
     seconds: float
@@ -68,6 +95,9 @@ class ClutterDrive:
     """[ms]."""
     step_p99: float
     ended: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", tuple(self.axes))  # a record has a list
 
 
 def world_of(seed: int, moving: bool, barn: str) -> Cylinders:
@@ -94,7 +124,8 @@ def drive(
     lost = sum(s in (PlanStatus.STOPPED, PlanStatus.FALLBACK) for s in statuses)
     p50, p99 = np.quantile(ours.times, (0.5, 0.99)) if ours else (math.nan, math.nan)
     return ClutterDrive(
-        *(driver, world.name, condition, arrived, collided, seconds, score, loop.clearance),
+        (condition, driver),
+        *(world.name, arrived, collided, seconds, score, loop.clearance),
         reverses=float((commands[:, 0] < -0.02).mean()),
         turns=float(spots.mean()),
         fallback=lost / max(len(statuses), 1),
@@ -183,3 +214,27 @@ class ClutterLoop:
         ranges = World(circles[near]).ranges(origin, directions)
         ranges = ranges + self.condition.ranges * self.random.normal(size=BEAMS)
         return np.where(ranges > REACH, np.inf, np.maximum(ranges, 0.0))
+
+
+def study(
+    work: Work,
+    seeds: Sequence[int],
+    conditions: Sequence[str] = ("exact", "noisy"),
+    drivers: Sequence[str] = DRIVERS,
+    moving: bool = False,
+    barn: str = "",
+    repeats: int = 1,
+) -> list[ClutterDrive]:
+    """Drive every world with every driver; rows in the order of conditions, drivers, worlds."""
+    again = range(repeats)
+    wanted = [
+        (driver, condition, seed, moving, barn, k)
+        for condition, driver, seed, k in product(conditions, drivers, seeds, again)
+    ]
+    return work.rows("clutter", wanted, drive, ClutterDrive)
+
+
+def format_rows(rows: Sequence[ClutterDrive], published: bool = True) -> str:
+    """Table, every drive that did not arrive, and what others publish."""
+    text = table(rows, COLUMNS, "world")
+    return f"{text}\n{PUBLISHED}" if published else text

@@ -120,4 +120,4 @@ def test_a_board_for_other_wheels_is_refused():
 @pytest.mark.parametrize("wheels", ["twin-car", "twin-omni"])
 def test_it_is_learned_from_its_log_and_arrives(wheels):
     row = drive_random(12, wheels=wheels)
-    assert row.in_pose and not row.collided
+    assert row.arrived and not row.collided
