@@ -79,9 +79,8 @@ class Ros2Driver:
         self._ticks: deque[tuple[float, float]] = deque()
         """Our time and the simulator's [s]."""
         self._curvature, self._idle_since = 0.0, -math.inf
-        self._executor = SingleThreadedExecutor()
-        works = (self._executor.spin, "ros2"), (self._mind_maps, "ros2-maps")
-        self._threads = [threading.Thread(target=w, name=name, daemon=True) for w, name in works]
+        self._executor: SingleThreadedExecutor | None = None
+        self._threads: list[threading.Thread] = []
         self._new_map, self._closed = threading.Event(), False
         self._commands: Any = None
 
@@ -111,9 +110,11 @@ class Ros2Driver:
     def connect(self, timeout: float) -> None:
         """Subscribe, and wait for odometry; LinkError after `timeout` [s]."""
         self._subscribe()
+        self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
-        for thread in self._threads:
-            thread.start()
+        for work, name in ((self._executor.spin, "ros2"), (self._mind_maps, "ros2-maps")):
+            self._threads.append(threading.Thread(target=work, name=name, daemon=True))
+            self._threads[-1].start()
         until = time.monotonic() + timeout
         while self.pose.filter.latest is None:
             if time.monotonic() > until:
@@ -166,8 +167,7 @@ class Ros2Driver:
             from map_msgs.msg import OccupancyGridUpdate
         except ImportError:  # a map whose updates are published is refused: see `health`
             return
-        updates = QoSProfile(depth=50)
-        self._hear(f"{grid.name}_updates", OccupancyGridUpdate, updates, grid.update)
+        self._hear(f"{grid.name}_updates", OccupancyGridUpdate, QoSProfile(depth=50), grid.update)
 
     def _guarded(self, action: Callable[[], object]) -> Callable[[], None]:
         def act() -> None:
@@ -204,8 +204,7 @@ class Ros2Driver:
         elif found is None:
             self.refused_goal = f"no transform {frame} -> {own or '(no frame)'}"
         else:
-            goal = found.of(at)
-            self._offer(goal[:3])
+            self._offer(found.of(at)[:3])
         if self.refused_goal:
             self.node.get_logger().warning(f"goal refused: {self.refused_goal}")
 
@@ -358,9 +357,10 @@ class Ros2Driver:
         """Leave the network; idempotent."""
         self._closed = True
         self._new_map.set()
-        self._executor.shutdown(timeout_sec=ENDS)
+        if self._executor is not None:
+            self._executor.shutdown(timeout_sec=ENDS)
         # a node that is taken from under a thread aborts the process
-        for thread in filter(threading.Thread.is_alive, self._threads):
+        for thread in self._threads:
             thread.join(ENDS)
         self.node.destroy_node()
 
