@@ -110,7 +110,7 @@ class DriveRecorder:
             place = (state.x, state.y, state.theta)
             self._file.put(PoseSeen(state.stamp, place, (state.v, state.omega)))
         if sent:
-            self._file.put(Sent(now, (output.v, output.omega)))
+            self._file.put(Sent(now, output.speeds))
         if (gate := (output.state, output.reasons)) != self._gate:
             self._gate = gate
             self._file.put(Gate(now, output.state.name, tuple(r.value for r in output.reasons)))

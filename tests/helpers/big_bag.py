@@ -52,7 +52,7 @@ def _messages(make: _Messages, size: int, rate: float) -> Iterator[tuple[str, fl
             if name == "/odom":
                 message, length = make.odometry(t, values), 750
             elif name == "/cmd_vel":
-                message, length = make.twist(t, values, False), 90
+                message, length = make.command(t, values), 90
             else:
                 message, length = image, len(picture)
             written += length

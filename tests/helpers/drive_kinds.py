@@ -50,7 +50,7 @@ def every_kind(scenario: Scenario) -> bytes:
     records = [
         PoseSeen(5.0, pose, (0.1, 0.2)),
         Stepped(5.1, pose, plan, path, margins, circles, 0.02, scan),
-        Sent(5.1, (0.3, -0.2)),
+        Sent(5.1, (0.3, -0.2, 0.0)),
         Gate(5.2, "ACTIVE", ()),
         Gate(5.3, "STOPPING", ("link down",)),
         Health(5.4, {"connected": True, "age": np.inf, "counters": {"frames": 3}}),

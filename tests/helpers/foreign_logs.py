@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kmpc_lite.learn.formats.rosbag import ACKERMANN, ACKERMANN_STAMPED, FIELDS, TWIST
+
 
 class Drive(NamedTuple):
     """What a robot did: poses and commands at times of their own."""
@@ -18,7 +20,7 @@ class Drive(NamedTuple):
     """x, y, theta, (n, 3) [m, rad]; theta grows beyond half a turn."""
     command_time: np.ndarray
     commands: np.ndarray
-    """v, omega, (m, 2) [m/s, rad/s]."""
+    """v, omega, (m, 2) [m/s, rad/s]; of an omni also its speed to the left."""
 
 
 def drive(
@@ -64,8 +66,9 @@ def write_bag(path: Path, d: Drive, kind: str = "sqlite3", **how: Any) -> Path:
     Parameters
     ----------
     how : any
-        ``pose``: odom, pose or tf. ``stamped``: whether commands are TwistStamped. ``odoms``,
-        ``cmds``: names of topics. ``clock``: what is added to the headers' stamps [s].
+        ``pose``: odom, pose or tf. ``commands``: Twist, TwistStamped, or a car's
+        AckermannDriveStamped of v and its angle. ``odoms``, ``cmds``: names of topics. ``clock``:
+        what is added to the headers' stamps [s].
     """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -74,9 +77,8 @@ def write_bag(path: Path, d: Drive, kind: str = "sqlite3", **how: Any) -> Path:
 
     first = kind == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_JAZZY)
-    if first:
-        fields = "geometry_msgs/TransformStamped[] transforms"
-        store.register(get_types_from_msg(fields, "tf2_msgs/msg/TFMessage"))
+    for name in FIELDS.keys() - store.types.keys():
+        store.register(get_types_from_msg(FIELDS[name], name))
     plugins = {"sqlite3": StoragePlugin.SQLITE3, "mcap": StoragePlugin.MCAP}
     made = Writer1(path) if first else Writer2(path, version=9, storage_plugin=plugins[kind])
     make = _Messages(store.types, first, how.get("clock", 0.0))
@@ -87,8 +89,7 @@ def write_bag(path: Path, d: Drive, kind: str = "sqlite3", **how: Any) -> Path:
         "tf": ("tf2_msgs/msg/TFMessage", make.transform),
     }
     pose_kind, pose_message = kinds[pose]
-    stamped = how.get("stamped", False)
-    command_kind = f"geometry_msgs/msg/Twist{'Stamped' if stamped else ''}"
+    command_kind = how.get("commands", TWIST)
     with made as writer:
         odoms = [
             writer.add_connection(name, pose_kind, typestore=store)
@@ -112,7 +113,7 @@ def write_bag(path: Path, d: Drive, kind: str = "sqlite3", **how: Any) -> Path:
             elif what == "pose":
                 message, where, kind_of = pose_message(t, values), odoms, pose_kind
             else:
-                message, where, kind_of = make.twist(t, values, stamped), cmds, command_kind
+                message, where, kind_of = make.command(t, values, command_kind), cmds, command_kind
             for connection in where:
                 writer.write(connection, nanoseconds, to_bytes(message, kind_of))
     return path
@@ -140,8 +141,8 @@ class _Messages:
         point = self.make("geometry_msgs/msg/Point", float(p[0]), float(p[1]), 0.0)
         return self.make("geometry_msgs/msg/Pose", point, self.quaternion(p[2]))
 
-    def bare_twist(self, v: float, omega: float) -> Any:
-        linear = self.make("geometry_msgs/msg/Vector3", v, 0.0, 0.0)
+    def bare_twist(self, v: float, omega: float, vy: float = 0.0) -> Any:
+        linear = self.make("geometry_msgs/msg/Vector3", v, vy, 0.0)
         angular = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, omega)
         return self.make("geometry_msgs/msg/Twist", linear, angular)
 
@@ -166,10 +167,12 @@ class _Messages:
         ]
         return self.make("tf2_msgs/msg/TFMessage", transforms)
 
-    def twist(self, t: float, c: np.ndarray, stamped: bool) -> Any:
-        bare = self.bare_twist(float(c[0]), float(c[1]))
-        kind = "geometry_msgs/msg/TwistStamped"
-        return self.make(kind, self.header(t, ""), bare) if stamped else bare
+    def command(self, t: float, c: np.ndarray, kind: str = TWIST) -> Any:
+        if kind == ACKERMANN_STAMPED:
+            drive = self.make(ACKERMANN, float(c[1]), 0.0, float(c[0]), 0.0, 0.0)
+            return self.make(kind, self.header(t), drive)
+        bare = self.bare_twist(*map(float, c))
+        return bare if kind == TWIST else self.make(kind, self.header(t, ""), bare)
 
     def note(self) -> Any:
         return self.make("std_msgs/msg/String", "hello")

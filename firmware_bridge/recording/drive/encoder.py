@@ -123,8 +123,8 @@ class DriveEncoder:
 
     @_messages.register
     def _(self, record: Sent, now: int) -> Iterator[Message]:
-        v, omega = (round(float(part), 6) for part in record.command)
-        yield Message("/command", now, {"timestamp": stamp(now), "v": v, "omega": omega})
+        told = dict(zip(("v", "omega", "vy"), (round(s, 6) for s in record.command), strict=True))
+        yield Message("/command", now, {"timestamp": stamp(now), **told})
 
     @_messages.register
     def _(self, record: Gate, now: int) -> Iterator[Message]:

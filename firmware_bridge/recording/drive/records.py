@@ -34,8 +34,8 @@ class Sent(NamedTuple):
     """A command that went to the robot."""
 
     time: float
-    command: tuple[float, float]
-    """v [m/s], omega [rad/s]."""
+    command: tuple[float, float, float]
+    """v [m/s], omega [rad/s], and of an omni its speed to the left [m/s]."""
 
 
 class Stepped(NamedTuple):

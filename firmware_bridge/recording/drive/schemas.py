@@ -105,7 +105,7 @@ LOG = table(
     file=TEXT,
     line=INTEGER,
 )
-COMMAND = table("kmpc.Command", timestamp=TIME, **numbers("v omega"))
+COMMAND = table("kmpc.Command", timestamp=TIME, **numbers("v omega vy"))
 STEP = table(
     "kmpc.Step",
     timestamp=TIME,

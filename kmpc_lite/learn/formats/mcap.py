@@ -12,12 +12,13 @@ import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from math import atan2, remainder, tau
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.formats.streams import Thinned
+from kmpc_lite.learn.formats.streams import Thinned, two_or_three
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 
@@ -125,7 +126,7 @@ def read_recorded(path: Path, options: ReadOptions) -> Log:
     """Read poses and commands of a recorded drive, as far as the robot obeyed them."""
     if options.topics:
         raise DataError(f"{path}: --topics: a drive that kmpc recorded has one pose, one command")
-    kept = {POSES: Thinned(3, options.spacing), COMMANDS: Thinned(2, options.spacing)}
+    kept = {POSES: Thinned(3, options.spacing), COMMANDS: Thinned(3, options.spacing)}
     counts, obeys, since, left_out = Counter[str](), True, -BREAKS, 0
     try:
         with open_regular(path) as file:
@@ -141,7 +142,8 @@ def read_recorded(path: Path, options: ReadOptions) -> Log:
                     before, obeys = obeys, told["state"] in DRIVING
                     since = time if obeys and not before else since
                 elif topic == COMMANDS:
-                    kept[topic].add(time, _number(told["v"]), _number(told["omega"]))
+                    speeds = told["v"], told.get("vy", 0.0), told["omega"]
+                    kept[topic].add(time, *map(_number, speeds))
                 elif obeys and time >= since + BREAKS:
                     place, turn = told["pose"]["position"], told["pose"]["orientation"]
                     x, y, sin, cos = map(_number, (place["x"], place["y"], turn["z"], turn["w"]))
@@ -159,7 +161,8 @@ def read_recorded(path: Path, options: ReadOptions) -> Log:
     if left_out:
         notes.append(f"{left_out} poses of a robot that did not obey were left out")
     topics = tuple(Topic(name, "kmpc", count, None) for name, count in sorted(counts.items()))
-    return Log(str(path), series[0], series[1], topics=topics, notes=tuple(notes))
+    log = Log(str(path), series[0], series[1], topics=topics, notes=tuple(notes))
+    return two_or_three(replace(log, columns=("v", "lateral", "omega")))
 
 
 def _parsed(topic: str, content: bytes) -> Any:

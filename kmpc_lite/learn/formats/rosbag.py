@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import heading_of
 from kmpc_lite.learn.formats.columns import short
-from kmpc_lite.learn.formats.streams import Thinned
+from kmpc_lite.learn.formats.streams import Thinned, two_or_three
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 
@@ -89,16 +90,9 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
         notes.append("no commands are in the bag: the odometry's measured speeds stand in for them")
     if broken:
         notes.append(f"{broken} messages without an orientation or with NaN were left out")
-    kinds = ("v", "steering") if command.kind in STEERED else ("v", "omega")
-    return Log(
-        str(path),
-        poses,
-        commanded,
-        measured=measured,
-        topics=topics,
-        notes=tuple(notes),
-        columns=kinds,
-    )
+    log = Log(str(path), poses, commanded, measured=measured, topics=topics, notes=tuple(notes))
+    turn = "steering" if command.kind in STEERED else "omega"
+    return two_or_three(replace(log, columns=("v", "lateral", turn)))
 
 
 @contextmanager
@@ -208,7 +202,7 @@ def _collect(
     reader: Any, decode: Any, pose: Wanted, command: Wanted, options: ReadOptions
 ) -> tuple[tuple[Thinned, Thinned], int]:
     """Go through the messages once. Each sample keeps its stamp beside its time of recording."""
-    poses, commands, broken = Thinned(4, options.spacing), Thinned(3, options.spacing), 0
+    poses, commands, broken = Thinned(4, options.spacing), Thinned(4, options.spacing), 0
     wanted, progress = _connections(reader, pose, command), options.progress
     total = sum(c.msgcount for c in wanted)
     for n, (connection, nanoseconds, raw) in enumerate(reader.messages(wanted)):
@@ -254,14 +248,16 @@ def _pose(message: Any, wanted: Wanted) -> tuple[float, ...] | None:
 
 
 def _command(message: Any, wanted: Wanted) -> tuple[float, ...]:
-    """Stamp, v and omega, or v and a steering angle."""
+    """Stamp, v, speed to the left, and omega or a steering angle."""
     if wanted.kind in STEERED:
         drive = message.drive if wanted.kind == ACKERMANN_STAMPED else message
-        return _stamp(message), drive.speed, drive.steering_angle
+        return _stamp(message), drive.speed, 0.0, drive.steering_angle
     twist = message
     while hasattr(twist, "twist"):
         twist = twist.twist
-    return _stamp(message), twist.linear.x, twist.angular.z
+    # measured, it may be slip
+    aside = 0.0 if wanted.kind == ODOMETRY else twist.linear.y
+    return _stamp(message), twist.linear.x, aside, twist.angular.z
 
 
 def _series(path: Path, wanted: Wanted, samples: Thinned) -> Series:

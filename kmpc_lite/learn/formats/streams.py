@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ SHARES = (
     "commands are shares of full throttle and steering, not m/s and rad/s: the model is one of "
     "those shares, and drives a robot that is commanded by them"
 )
+SIDEWAYS = 0.05
+"""Share of the largest speed ahead from which on a speed to the left is that of an omni."""
 NEAR = 0.5
 """Positions farther from the next heading are left out [s]."""
 EARTH = 6_378_137.0
@@ -132,6 +135,18 @@ def make_log(
         columns=("v", ("servo" if shares else CAR_OMEGA) if car else "omega"),
         shares=shares,
     )
+
+
+def two_or_three(log: Log) -> Log:
+    """The same log, without a speed to the left that is next to nothing: it is no omni's then."""
+    if "lateral" not in log.columns:
+        return log
+    v, lateral = np.abs(log.commands.values[:, :2]).max(axis=0)
+    if lateral > SIDEWAYS * v:
+        return replace(log, notes=(*log.notes, 'three speeds, an omni: wheels = {kind = "omni"}'))
+    kept = replace(log.commands, values=log.commands.values[:, [0, 2]])
+    less = ("speeds to the left are next to nothing: this is no omni",) if lateral > 0.0 else ()
+    return replace(log, commands=kept, notes=(*log.notes, *less), columns=log.columns[::2])
 
 
 def held_together(first: Array, second: Array) -> Array:

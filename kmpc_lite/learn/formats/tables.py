@@ -30,7 +30,7 @@ from kmpc_lite.learn.formats.columns import (
     listed,
     short,
 )
-from kmpc_lite.learn.formats.streams import local_metres
+from kmpc_lite.learn.formats.streams import local_metres, two_or_three
 from kmpc_lite.learn.logs import (
     KNOWN,
     LARGEST,
@@ -48,8 +48,6 @@ from kmpc_lite.types import INPUTS, Array
 WRITTEN = (".csv", ".npz")
 MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
 """Most memory that an npz log may take [bytes]."""
-SIDEWAYS = 0.05
-"""Share of the largest speed ahead from which on a speed to the left is that of an omni."""
 MAX_HEADER, MAX_LINE, MAX_REMARKS = 10_000, 100_000, 100
 """Characters of the longest header, and of the longest line; remarks before the header."""
 MISSING = ("", "nan", "none", "null", "na", "n/a")
@@ -101,32 +99,29 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     notes = (*found.notes(options.columns), *notes)
     poses = Series(time, _poses(table, options), str(file))
     if options.commands is not None:
-        held, kinds, more = _read_commands(options.commands, options)
+        other, more = _read(options.commands, options, poses=False)
+        values, kinds = _commands(other, options)
+        held = Series(other.columns["t"], values, str(other.file))
+        held = in_units(held, kinds, other.found.units)
         poses = in_units(poses, ("x", "y", "theta"), found.units)
-        return Log(str(file), poses, held, notes=(*notes, *more), where=table.where, columns=kinds)
-    values, kinds, more = _commands(table, options)
+        notes = (*notes, *more)
+        log = Log(str(file), poses, held, notes=notes, where=table.where, columns=kinds)
+        return two_or_three(log)
+    values, kinds = _commands(table, options)
     wheels = found.command == ("left", "right")
     log = Log(
         str(file),
         poses,
         Series(time, values, str(file)),
         True,
-        notes=(*notes, *more),
+        notes=notes,
         where=table.where,
         columns=kinds,
         header_units=found.units,
         wheel_speeds=wheels,
         geometry={"track": options.track} if wheels and options.track else {},
     )
-    return correct(log, ReadOptions(units=found.units))
-
-
-def _read_commands(file: Path, options: ReadOptions) -> tuple[Series, tuple[str, ...], list[str]]:
-    """Commands of a table that holds nothing else, what they are, and notes."""
-    table, notes = _read(file, options, poses=False)
-    values, kinds, more = _commands(table, options)
-    held = Series(table.columns["t"], values, str(file))
-    return in_units(held, kinds, table.found.units), kinds, [*notes, *more]
+    return two_or_three(correct(log, ReadOptions(units=found.units)))
 
 
 def _read(file: Path, options: ReadOptions, poses: bool = True) -> tuple[Table, tuple[str, ...]]:
@@ -203,18 +198,11 @@ def _in_units(table: Table, names: tuple[str, ...], options: ReadOptions) -> lis
     return [units[n].apply(table.columns[n]) if n in units else table.columns[n] for n in names]
 
 
-def _commands(table: Table, options: ReadOptions) -> tuple[Array, tuple[str, ...], list[str]]:
-    """Commands (n, m), also of a left and a right wheel; what their numbers are, and notes."""
-    found, kinds, notes = table.found, table.found.command, list[str]()
+def _commands(table: Table, options: ReadOptions) -> tuple[Array, tuple[str, ...]]:
+    """Commands (n, m), also of a left and a right wheel, and what their numbers are."""
+    found, kinds = table.found, table.found.command
     if kinds != ("left", "right"):
-        if "lateral" in kinds:
-            v, lateral = (np.abs(table.columns[name]).max() for name in ("v", "lateral"))
-            if lateral < SIDEWAYS * v:
-                kinds = ("v", "omega")
-                notes = [f"{found.shown('lateral')} is next to nothing: this is no omni"]
-            else:
-                notes = ['three speeds, an omni: wheels = {kind = "omni"}']
-        return np.column_stack([table.columns[name] for name in kinds]), kinds, notes
+        return np.column_stack([table.columns[name] for name in kinds]), kinds
     if options.track is None:
         raise DataError(
             f"{table.file}: commands are speeds of a left and a right wheel: --track M tells how "
@@ -231,7 +219,7 @@ def _commands(table: Table, options: ReadOptions) -> tuple[Array, tuple[str, ...
             sides[k] = sides[k] * options.wheel_radius
     left, right = sides
     both = np.column_stack([0.5 * (left + right), (right - left) / options.track])
-    return both, ("v", "omega"), notes
+    return both, ("v", "omega")
 
 
 def _read_npz(file: Path, options: ReadOptions, poses: bool) -> Table:
@@ -442,9 +430,7 @@ def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None
             f"expected {' or '.join(WRITTEN)}"
         )
     if (rows := sum(len(e) + 1 for e in episodes)) > MAX_ROWS:
-        raise DataError(
-            f"{file}: {rows:,} rows, a log holds at most {MAX_ROWS:,}: split the dataset"
-        )
+        raise DataError(f"{file}: {rows:,} rows, a log holds {MAX_ROWS:,}: split the dataset")
     *names, omega = COLUMNS
     names += ["lateral"] * (episodes[0].inputs.shape[1] - INPUTS)
     names.append(CAR_OMEGA if episodes[0].steered else omega)

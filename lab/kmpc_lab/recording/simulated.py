@@ -56,7 +56,7 @@ class SimulationRecorder:
     def __call__(self, time: float, pose: Array, obstacles: Any, plan: Plan) -> None:
         """Take in a step."""
         behind, scan = insight(self._controller, plan), scan_among(obstacles)
-        x, y, theta = pose.tolist()
+        (x, y, theta), (v, *aside, omega) = pose.tolist(), plan.command.tolist()
         self._records += (
             PoseSeen(time, (x, y, theta)),
             Stepped(
@@ -68,7 +68,7 @@ class SimulationRecorder:
                 circle_rows(obstacles),
                 scan=None if scan is None else counted(self._controller, scan),
             ),
-            Sent(time, (float(plan.command[0]), float(plan.command[1]))),
+            Sent(time, (v, omega, sum(aside))),
         )
 
     def content(self, run: Run) -> bytes:

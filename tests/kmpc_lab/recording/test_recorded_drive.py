@@ -69,7 +69,7 @@ def test_only_what_the_robot_obeyed_is_learned_from(scenario: Scenario, tmp_path
         time = 0.1 * k
         records.append(PoseSeen(time, (0.05 * k, 0.0, 0.0)))
         if k < 50:
-            records.append(Sent(time, (0.5, 0.0)))
+            records.append(Sent(time, (0.5, 0.0, 0.0)))
     records += [Gate(0.0, "ACTIVE"), Gate(4.95, "YIELDED")]
     path = tmp_path / "drive.mcap"
     records.sort(key=lambda record: record.time)

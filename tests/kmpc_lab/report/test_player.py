@@ -63,7 +63,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
         records += [
             PoseSeen(time - 0.02, place),
             Stepped(time, place, plan, path, margins, circles, 0.02, scan),
-            Sent(time + 0.01, (float(plan.command[0]), float(plan.command[1]))),
+            Sent(time + 0.01, (*plan.command.tolist(), 0.0)),
         ]
         pose = plan.states[1]
     records += [Gate(5.0, "ACTIVE"), Gate(6.5, "STOPPING", ("board not heard",))]

@@ -5,12 +5,15 @@ import pytest
 from helpers import foreign_logs
 
 import kmpc_lite as kl
+from firmware_bridge.recording.drive.encoder import DriveEncoder
+from firmware_bridge.recording.drive.records import PoseSeen, Sent
 from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
-from kmpc_lite.learn.formats import rosbag as ackermann
+from kmpc_lite.learn.formats.rosbag import ACKERMANN_STAMPED
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.learn.steering import disobeyed, find_wheelbase
 from kmpc_lite.model.dictionary import ResponseDictionary
+from kmpc_lite.scenario.files import Scenario
 
 GAINS = np.array((1.1, 0.8, 0.9))
 
@@ -104,15 +107,31 @@ def test_a_robot_that_turns_where_it_stands_is_no_car(tmp_path):
         load_logs([written(tmp_path, np.array(rows))], 0.1)
 
 
-def test_a_column_of_speeds_to_the_left_makes_an_omni_if_it_says_anything(tmp_path):
+def write_omni(path, time, poses, sent):
+    """A log of v, to the left and omega: a table, a bag, or a drive that kmpc recorded."""
+    turned = sent[:, [0, 2, 1]]
+    if path.suffix == ".csv":
+        table = np.column_stack([time, poses, sent])
+        np.savetxt(path, table, delimiter=",", header="t,x,y,theta,v,vy,omega", comments="")
+    elif path.suffix == ".bag":
+        foreign_logs.write_bag(path, foreign_logs.Drive(time, poses, time, turned), "ros1")
+    else:
+        encoder = DriveEncoder(Scenario.load("mehrez"), 0.1, {})
+        seen = map(PoseSeen, time, poses.tolist())
+        records = [*seen, *map(Sent, time, turned.tolist())]
+        path.write_bytes(b"".join([encoder.begin(0.0), *encoder.encode(records)]))
+
+
+@pytest.mark.parametrize("ending", [".csv", ".bag", ".mcap"])
+def test_speeds_to_the_left_make_an_omni_if_they_say_anything(tmp_path, ending):
     log = omni_log(episodes=1, steps=300).episodes[0]
-    time = 0.1 * np.arange(len(log))
     for share, inputs in ((1.0, 3), (0.001, 2)):
-        table = np.column_stack([time, log.states[:-1], log.inputs * (1.0, share, 1.0)])
-        file = tmp_path / "omni.csv"
-        np.savetxt(file, table, delimiter=",", header="t,x,y,theta,v,vy,omega", comments="")
+        file, sent = tmp_path / f"{inputs}{ending}", log.inputs * (1.0, share, 1.0)
+        write_omni(file, 1.0 + 0.1 * np.arange(len(log)), log.states[:-1], sent)
         data = load_logs([file], 0.1, how=ReadOptions(force=True))
-        assert data.episodes[0].inputs.shape[1] == inputs and not data.steered
+        assert not data.steered
+        kept = sent if inputs == 3 else sent[:, [0, 2]]
+        np.testing.assert_allclose(data.episodes[0].inputs[:200], kept[:200], atol=1e-6)
 
 
 def test_a_rolling_car_turns_as_its_wheels_are_steered():
@@ -130,38 +149,12 @@ def test_a_rolling_car_turns_as_its_wheels_are_steered():
 
 
 def test_a_bag_with_steering_angles_is_a_cars(tmp_path):
-    rosbag2, typesys = (
-        pytest.importorskip("rosbags.rosbag2"),
-        pytest.importorskip("rosbags.typesys"),
-    )
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    for kind in (ackermann.ACKERMANN, ackermann.ACKERMANN_STAMPED):
-        store.register(typesys.get_types_from_msg(ackermann.FIELDS[kind], kind))
-    types, names = store.types, ("nav_msgs/msg/Odometry", ackermann.ACKERMANN_STAMPED)
-    make = {kind.rpartition("/")[2]: made for kind, made in types.items()}
-    point, zero = make["Point"], make["Vector3"](0.0, 0.0, 0.0)
-    with rosbag2.Writer(tmp_path / "bag", version=9) as writer:
-        odom, drive = (
-            writer.add_connection(name, kind, typestore=store)
-            for name, kind in zip(("/odom", "/drive"), names, strict=True)
-        )
-        for t, x, y, theta, v, angle in car_rows():
-            stamp = make["Time"](int(t), int(1e9 * (t % 1.0)))
-            turned = make["Quaternion"](0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
-            pose = make["PoseWithCovariance"](make["Pose"](point(x, y, 0.0), turned), np.zeros(36))
-            twist = make["TwistWithCovariance"](make["Twist"](zero, zero), np.zeros(36))
-            header = make["Header"](stamp, "odom")
-            sent = make["AckermannDriveStamped"](
-                header, make["AckermannDrive"](angle, 0.0, v, 0.0, 0.0)
-            )
-            for where, message in (
-                (odom, make["Odometry"](header, "base_link", pose, twist)),
-                (drive, sent),
-            ):
-                kind = where.msgtype
-                writer.write(where, int(1e9 * t), store.serialize_cdr(message, kind))
+    pytest.importorskip("rosbags")
+    t, poses, sent = np.split(car_rows(), [1, 4], axis=1)
+    drive = foreign_logs.Drive(t[:, 0], poses, t[:, 0], sent)
+    bag = foreign_logs.write_bag(tmp_path / "bag", drive, commands=ACKERMANN_STAMPED)
     told: list[str] = []
-    data = load_logs([tmp_path / "bag"], 0.1, tell=told.append)
+    data = load_logs([bag], 0.1, tell=told.append)
     assert data.steered and any("a car; wheelbase 0.3" in line for line in told), told
 
 

@@ -21,6 +21,7 @@ from foreign_logs import (
 
 import kmpc_lite as kl
 from kmpc_lite.learn.formats.readers import find_logs, read_log, reader_of
+from kmpc_lite.learn.formats.rosbag import TWIST
 from kmpc_lite.learn.formats.ulog import _Bounded
 from kmpc_lite.learn.logs import ReadOptions
 
@@ -30,11 +31,11 @@ COMMANDS = {"a.tum": "a.commands.csv", "e.csv": "e.commands.csv"}
 WRITERS: dict[str, Callable[[Path, Drive], Path]] = {
     "run.csv": write_csv,
     "sqlite": write_bag,
-    "mcap": lambda p, d: write_bag(p, d, "mcap", stamped=True),
+    "mcap": lambda p, d: write_bag(p, d, "mcap", commands=f"{TWIST}Stamped"),
     "poses": lambda p, d: write_bag(p, d, "mcap", pose="pose"),
     "tf": lambda p, d: write_bag(p, d, pose="tf"),
     "one.bag": lambda p, d: write_bag(p, d, "ros1"),
-    "two.bag": lambda p, d: write_bag(p, d, "ros1", pose="tf", stamped=True),
+    "two.bag": lambda p, d: write_bag(p, d, "ros1", pose="tf", commands=f"{TWIST}Stamped"),
     "a.bin": write_dataflash,
     "pos.bin": lambda p, d: write_dataflash(p, d, "POS"),
     "a.tlog": write_tlog,
