@@ -107,8 +107,7 @@ class DriveRecorder:
 
         if state is not None and state.stamp > self._stamps[-1]:
             self._stamps.append(state.stamp)
-            place = (state.x, state.y, state.theta)
-            self._file.put(PoseSeen(state.stamp, place, (state.v, state.omega)))
+            self._file.put(PoseSeen(state.stamp, (state.x, state.y, state.theta)))
         if sent:
             self._file.put(Sent(now, output.speeds))
         if (gate := (output.state, output.reasons)) != self._gate:

@@ -1,7 +1,6 @@
 """Least squares from a stream: the paper's discrete fit, and the integral form, also symmetric.
 
-Whatever the length of the log, only Gram matrices are kept. Two accumulators can be merged, so
-chunks can be fitted apart, on other cores or on other days.
+Whatever the length of the log, only Gram matrices are kept.
 
 A symmetric model moves alike wherever it stands and whichever way it faces. Its generator ``xdot =
 R(theta) [a; b] w, thetadot = g w`` is the paper's bilinear form under linear constraints: with
@@ -115,11 +114,10 @@ class Accumulator:
     >>> from kmpc_lab import DifferentialDrive, generate_dataset
     >>> from kmpc_lite import UnicycleDictionary
     >>> data = generate_dataset(DifferentialDrive(), episodes=4, steps=50, dt=0.1, seed=0)
-    >>> halves = [Accumulator(UnicycleDictionary(), 0.1), Accumulator(UnicycleDictionary(), 0.1)]
-    >>> for half, part in zip(halves, data.split(0.5)):
-    ...     half.add(part)
-    >>> halves[0].merge(halves[1])
-    >>> halves[0].count
+    >>> seen = Accumulator(UnicycleDictionary(), 0.1)
+    >>> for half in data.split(0.5):
+    ...     seen.add(half)
+    >>> seen.count
     200
     """
 
@@ -194,24 +192,6 @@ class Accumulator:
             np.multiply(w[:, i : i + 1], z, out=rows[:, (1 + i) * nz : (2 + i) * nz])
         if self._with_inputs:
             rows[:, self._features - w.shape[1] : self._features] = w
-
-    def merge(self, other: Accumulator) -> None:
-        """Take in what another accumulator of the same fit has seen."""
-        mine, theirs = self.midpoint, other.midpoint
-        alike = mine is theirs or (
-            mine is not None
-            and theirs is not None
-            and np.array_equal(mine.A, theirs.A)
-            and np.array_equal(mine.H, theirs.H)
-        )
-        same = self.method == other.method and abs(self.dt - other.dt) <= SAME_DT * self.dt
-        if not (alike and same and _same(self.dictionary, other.dictionary)):
-            raise DataError(
-                "cannot merge accumulators of different fits (method, dt, dictionary or midpoint)"
-            )
-        self._gram += other._gram
-        self._input_moments += other._input_moments
-        self.count += other.count
 
     def solve(self, ridge: float = 0.0, symmetric: bool | None = None) -> KoopmanModel:
         """Solve for the model.

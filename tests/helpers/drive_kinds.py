@@ -48,7 +48,7 @@ def every_kind(scenario: Scenario) -> bytes:
     encoder = DriveEncoder(scenario, 0.1, {"kind": "driven"}, offset=1.7e9)
     pose = (0.0, 0.0, 3.0)
     records = [
-        PoseSeen(5.0, pose, (0.1, 0.2)),
+        PoseSeen(5.0, pose),
         Stepped(5.1, pose, plan, path, margins, circles, 0.02, scan),
         Sent(5.1, (0.3, -0.2, 0.0)),
         Gate(5.2, "ACTIVE", ()),

@@ -19,8 +19,6 @@ class PoseSeen(NamedTuple):
     """When it was true [s]."""
     pose: tuple[float, float, float]
     """x, y [m], theta [rad]."""
-    speed: tuple[float, float] | None = None
-    """v [m/s], omega [rad/s], where they are measured too."""
 
 
 class TruePose(NamedTuple):

@@ -186,7 +186,6 @@ class Guide:
             progress=GoalProgress.WAITING if may_be else GoalProgress.UNREACHABLE,
             reason="a path is being looked for" if state.urgent else state.why_none,
             path=place[None, :2],
-            time_left=np.inf,
             refreshed=refreshed,
             switched=switched,
             share_at_goal=0.0,
@@ -221,8 +220,7 @@ class Guide:
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
-        left = path.duration - place
-        drives_on = state.progress.gets_on(left)
+        drives_on = state.progress.gets_on(path.duration - place)
         progress, reason = told_progress(state, hold, scale, drives_on)
         if reason == NO_PROGRESS and now.view is not None:
             unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
@@ -238,7 +236,6 @@ class Guide:
             progress=progress,
             reason=reason,
             path=path.points,
-            time_left=left,
             refreshed=refreshed,
             switched=switched,
             share_at_goal=path.share_at_goal(states),

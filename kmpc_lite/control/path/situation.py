@@ -186,8 +186,6 @@ class Guidance(NamedTuple):
     path: Array
     """(K, 2) points of the path from where it was planned to the goal [m]; the place to wait where
     there is none."""
-    time_left: float
-    """Until the goal is reached [s]; infinite if it cannot be."""
     refreshed: bool
     """Whether a new path was found in this step, or that there is none."""
     switched: bool
