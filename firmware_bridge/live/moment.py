@@ -58,10 +58,12 @@ def numbers(values: Array) -> bytes:
 
 def map_packet(scenario: Scenario, title: str) -> Packet:
     """Give what does not change: area, robot, goal, polygons, walls and grid."""
+    outlined = scenario.footprint
     packet: Packet = {
         "title": title,
         "bounds": list(scenario.bounds),
         "radius": scenario.radius,
+        "outline": outlined and numbers(outlined.outline),
         "goal": list(scenario.goal),
         "tolerance": scenario.tolerance,
         "polygons": [numbers(np.asarray(p.vertices)) for p in scenario.polygons[:MOST_SOLIDS]],

@@ -40,9 +40,7 @@ def every_kind(scenario: Scenario) -> bytes:
     """A drive with a message of every kind."""
     controller = controller_of(scenario)
     plan = controller.step(scenario.start, scenario.goal, scenario.obstacles_at(0.0))
-    scan = kl.LaserScan(
-        [1.0, np.inf, np.nan, 2.0], angle_min=0.5, angle_increment=0.1, range_max=4.0
-    )
+    scan = kl.LaserScan([1.0, np.inf, np.nan, 2.0], 0.5, 0.1, range_max=4.0)
     margins, circles = np.full(20, 0.05), scenario.circles_at(0.0)
     path = np.array([[0.0, 0.0], [1.0, 0.1]])
     encoder = DriveEncoder(scenario, 0.1, {"kind": "driven"}, offset=1.7e9)

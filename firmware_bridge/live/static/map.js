@@ -29,8 +29,8 @@ export class Drawing {
     for (const polygon of state.polygons || []) this.polygon(polygon, true);
     for (const wall of state.walls || []) this.polygon(wall, true);
     this.obstacles(state);
-    this.goal(state.goal, state.radius, "goal");
-    this.goal(state.wish, state.radius, "plan");
+    this.goal(state.goal, state, "goal");
+    this.goal(state.wish, state, "plan");
     this.polyline(state.path, "path", 2, [6, 5]);
     this.polyline(state.trail, "trail", 2);
     this.tube(state);
@@ -144,12 +144,28 @@ export class Drawing {
     }
   }
 
-  goal(pose, radius, name) {
+  body([px, py, theta], { outline, radius }, margin = 0) {  // what a robot covers there, of an outline without the margin
+    const { pen } = this, [x, y] = this.at(px, py), c = Math.cos(theta), s = Math.sin(theta);
+    if (!outline) {
+      const r = Math.max(5, ((radius || 0.15) + margin) * this.scale);
+      pen.moveTo(x + r, y);
+      pen.arc(x, y, r, 0, 2 * Math.PI);
+      return;
+    }
+    for (let k = 0; k < outline.length; k += 2) {
+      const ahead = outline[k], left = outline[k + 1];
+      const corner = this.at(px + c * ahead - s * left, py + s * ahead + c * left);
+      if (k) pen.lineTo(...corner); else pen.moveTo(...corner);
+    }
+    pen.closePath();
+  }
+
+  goal(pose, state, name) {
     if (!pose) return;
     const { pen } = this, [x, y] = this.at(pose[0], pose[1]);
-    const r = Math.max(5, (radius || 0.15) * this.scale);
+    const r = Math.max(5, (state.radius || 0.15) * this.scale);
     pen.beginPath();
-    pen.arc(x, y, r, 0, 2 * Math.PI);
+    this.body(pose, state);
     pen.strokeStyle = this.colour(name);
     pen.lineWidth = 2;
     pen.setLineDash([4, 4]);
@@ -185,16 +201,15 @@ export class Drawing {
     pen.setLineDash([]);
   }
 
-  tube({ plan, margins, radius }) {
+  tube(state) {
+    const { plan, margins } = state;
     if (!plan || !margins) return;
     const { pen } = this;
     pen.fillStyle = this.colour("margin");
     pen.globalAlpha = 0.3;
     pen.beginPath();  // one shape of them all
-    for (let k = 1; k <= margins.length && 3 * k + 1 < plan.length; k++) {
-      const [x, y] = this.at(plan[3 * k], plan[3 * k + 1]), r = ((radius || 0) + margins[k - 1]) * this.scale;
-      pen.moveTo(x + r, y);
-      pen.arc(x, y, r, 0, 2 * Math.PI);
+    for (let k = 1; k <= margins.length && 3 * k + 2 < plan.length; k++) {
+      this.body(plan.slice(3 * k, 3 * k + 3), state, margins[k - 1]);
     }
     pen.fill();
     pen.globalAlpha = 1;
@@ -236,7 +251,7 @@ export class Drawing {
     const { pen } = this, [px, py, theta] = state.pose, [x, y] = this.at(px, py);
     const r = Math.max(5, (state.radius || 0.15) * this.scale);
     pen.beginPath();
-    pen.arc(x, y, r, 0, 2 * Math.PI);
+    this.body(state.pose, state);
     pen.fillStyle = this.colour(state.latched ? "red" : "plan");
     pen.globalAlpha = 0.85;
     pen.fill();

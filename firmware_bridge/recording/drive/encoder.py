@@ -159,7 +159,7 @@ class DriveEncoder:
         due = record.time - self._scene_time >= SCENE_PERIOD - 1e-6
         if due and np.isfinite(plan.states).all():
             self._scene_time = record.time
-            yield Message("/scene", now, step_scene(now, self._scenario.radius, record))
+            yield Message("/scene", now, step_scene(now, self._scenario, record))
         if record.scan is not None:
             yield Message("/scan", now, foxglove.laser_scan(now, record.scan))
         words = f"{plan.status.name.lower()}: {plan.reason}" if plan.reason else plan.status.name

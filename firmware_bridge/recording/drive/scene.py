@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from firmware_bridge.recording.drive.foxglove import (
@@ -51,14 +53,14 @@ def map_scene(time: int, scenario: Scenario) -> Content:
         entity(
             time,
             "goal",
-            cylinders=[disc(x, y, radius, FLAT, green)],
+            **_body(scenario, scenario.goal, radius, FLAT, green),
             arrows=[arrow(x, y, heading, 2.0 * radius, green)],
         ),
         entity(
             time,
             "robot",
             frame=ROBOT,
-            cylinders=[disc(0.0, 0.0, radius, LOW * radius + FLAT, blue)],
+            **_body(scenario, (0.0, 0.0, 0.0), radius, LOW * radius + FLAT, blue),
             arrows=[arrow(0.0, 0.0, 0.0, 1.4 * radius, blue)],
         ),
     ]
@@ -67,6 +69,16 @@ def map_scene(time: int, scenario: Scenario) -> Content:
         for k, solid in enumerate(scenario.solids.solids):
             found.append(_solid(time, f"obstacle {k}", solid, height, thin))
     return scene(found)
+
+
+def _body(
+    scenario: Scenario, pose: Sequence[float], radius: float, height: float, paint: Content
+) -> Content:
+    """Parts of an entity: what a robot covers: a disc of a radius, or its outline."""
+    if scenario.footprint is None:
+        return {"cylinders": [disc(pose[0], pose[1], radius, height, paint)]}
+    corners = scenario.footprint.at(pose)
+    return {"lines": [line(corners, 0.1 * scenario.radius, paint, LOOP, height)]}
 
 
 def _solid(time: int, name: str, solid: Solid, height: float, thin: float) -> Content:
@@ -87,24 +99,13 @@ def _solid(time: int, name: str, solid: Solid, height: float, thin: float) -> Co
             for centre, size in zip(centres.tolist(), sizes.tolist(), strict=True)
         ]
         return entity(time, name, cubes=cubes)
-    outline = corners_of(solid)
-    lines = [line(outline, thin, grey, LOOP, z) for z in (0.0, height)]
+    lines = [line(corners_of(solid), thin, grey, LOOP, z) for z in (0.0, height)]
     return entity(time, name, lines=lines)
 
 
-def step_scene(time: int, radius: float, step: Stepped) -> Content:
-    """Show what a step saw and keeps: circles, their margins, and the room that the plan takes.
-
-    Parameters
-    ----------
-    time : int
-        Of the message [ns].
-    radius : float
-        Of the robot [m].
-    step : Stepped
-        What was seen and planned.
-    """
-    grey, orange = colour(GREY), colour(ORANGE, 0.25)
+def step_scene(time: int, scenario: Scenario, step: Stepped) -> Content:
+    """Show what a step saw and keeps: circles, their margins, and the room that the plan takes."""
+    grey, orange, radius = colour(GREY), colour(ORANGE, 0.25), scenario.radius
     height = HEIGHT * 2 * radius
     circles = [disc(x, y, r, height, grey) for x, y, r, *_ in step.circles.tolist()]
     near, kept = margins_of(step.circles, step.plan.states, step.margins)
@@ -114,21 +115,15 @@ def step_scene(time: int, radius: float, step: Stepped) -> Content:
     ]
     states = step.plan.states[1:]
     chosen = np.unique(np.linspace(0, len(states) - 1, DISCS).astype(int))
+    taken = zip(states[chosen].tolist(), step.margins[chosen].tolist(), strict=True)
     room = [
-        disc(x, y, radius + margin, FLAT, orange)
-        for (x, y, _), margin in zip(
-            states[chosen].tolist(), step.margins[chosen].tolist(), strict=True
-        )
+        entity(time, f"room {k}", **_body(scenario, pose, radius + margin, FLAT, orange))
+        for k, (pose, margin) in enumerate(taken)
     ]
     path = [line(step.path, 0.1 * radius, colour(GREEN))] if len(step.path) > 1 else []
-    return scene(
-        [
-            entity(time, "circles", cylinders=circles),
-            entity(time, "margins", cylinders=rings),
-            entity(time, "room of the plan", cylinders=room),
-            entity(time, "path", lines=path),
-        ]
-    )
+    seen = entity(time, "circles", cylinders=circles)
+    kept_off = entity(time, "margins", cylinders=rings)
+    return scene([seen, kept_off, *room, entity(time, "path", lines=path)])
 
 
 def margins_of(circles: Array, states: Array, margins: Array) -> tuple[Array, Array]:

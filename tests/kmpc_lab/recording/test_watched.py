@@ -67,9 +67,11 @@ def test_large_grids_and_many_circles_are_shown_in_part():
     cells = np.zeros((700, 300))
     cells[5, 5] = 100
     grid = kl.OccupancyGrid(cells, 0.01, (-2.0, -3.0, 0.1))
-    table = Scenario.load("four_circles_1")
+    cart, table = kl.Footprint.rectangle(0.4, 0.2), Scenario.load("four_circles_1")
     scenario = replace(table, grid=grid, circles=(), walls=(kl.Wall(0, 1, 1, 1, 0.1),))
-    packet = map_packet(scenario, "a")
+    packet = map_packet(replace(scenario, footprint=cart), "a")
+    assert map_packet(scenario, "a")["outline"] is None
+    np.testing.assert_array_equal(np.frombuffer(packet["outline"]).reshape(4, 2), cart.outline)
     shown = packet["grid"]
     assert shown["height"] <= 256 and shown["resolution"] == pytest.approx(0.03)
     assert shown["height"] * 3 >= 700

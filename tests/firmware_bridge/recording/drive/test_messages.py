@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from typing import Any
 
 import pytest
 from drive_kinds import every_kind
 
+import kmpc_lite as kl
 from firmware_bridge.recording.drive.schemas import TOPICS
 from kmpc_lite.scenario.files import Scenario
 
@@ -24,7 +26,8 @@ def decoded(content: bytes) -> Iterator[tuple[str, str, dict[str, Any], dict[str
 def test_every_message_is_as_its_schema_says(scenario: Scenario, content: bytes) -> None:
     jsonschema = pytest.importorskip("jsonschema", reason="needs jsonschema")
     seen = set()
-    for part in (content, every_kind(scenario)):
+    cart = replace(scenario, footprint=kl.Footprint.rectangle(0.3, 0.2))
+    for part in (content, every_kind(scenario), every_kind(cart)):
         for topic, name, schema, message in decoded(part):
             jsonschema.Draft202012Validator(schema).validate(message)
             assert name == schema["title"]
