@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_bridge.messages import speeds_of
 from firmware_bridge.recording.drive.encoder import DriveEncoder
 from firmware_bridge.recording.drive.records import Ended, PoseSeen, Record, Sent, Stepped, TruePose
 from firmware_bridge.recording.drive.seen import counted, scan_among
@@ -56,7 +57,7 @@ class SimulationRecorder:
     def __call__(self, time: float, pose: Array, obstacles: Any, plan: Plan) -> None:
         """Take in a step."""
         behind, scan = insight(self._controller, plan), scan_among(obstacles)
-        (x, y, theta), (v, *aside, omega) = pose.tolist(), plan.command.tolist()
+        x, y, theta = pose.tolist()
         self._records += (
             PoseSeen(time, (x, y, theta)),
             Stepped(
@@ -68,7 +69,7 @@ class SimulationRecorder:
                 circle_rows(obstacles),
                 scan=None if scan is None else counted(self._controller, scan),
             ),
-            Sent(time, (v, omega, sum(aside))),
+            Sent(time, speeds_of(plan.command)),
         )
 
     def content(self, run: Run) -> bytes:

@@ -18,13 +18,7 @@ import numpy as np
 
 from kmpc_lab.studies import drive_results
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn
-from kmpc_lab.studies.drive_results import (
-    Column,
-    DriveResult,
-    circle_gaps,
-    closed_loop,
-    mean_of,
-)
+from kmpc_lab.studies.drive_results import Column, DriveResult, circle_gaps, closed_loop, mean_of
 from kmpc_lab.studies.records import Work
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel

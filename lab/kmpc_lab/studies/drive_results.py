@@ -106,7 +106,6 @@ def closed_loop(
             break
     driven, count = np.array(commands), len(commands)
     gears = np.sign(driven[np.abs(driven[:, 0]) > CREEPS, 0])
-    changes = np.diff(driven, axis=0)
     shares = {name: statuses.count(name.upper()) / count for name in SHARES}
     return DriveResult(
         axes,
@@ -119,10 +118,15 @@ def closed_loop(
         clearance=clearance,
         fastest=float(np.abs(driven[:, 0]).max()) * float(full[0]),
         gear_changes=int((gears[1:] != gears[:-1]).sum()),
-        jerk=float(np.sqrt((changes**2).sum(axis=1).mean())) if len(changes) else 0.0,
+        jerk=jerk(np.diff(driven, axis=0)),
         ended=f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
         **shares,
     )
+
+
+def jerk(changes: Array) -> float:
+    """RMS of the changes (T, m) of commands from step to step, as shares of the bounds."""
+    return float(np.sqrt((changes**2).sum(axis=1).mean())) if len(changes) else 0.0
 
 
 def circle_gaps(problem: NavigationProblem, circles: Sequence[Circle]) -> Callable[[Array], Array]:

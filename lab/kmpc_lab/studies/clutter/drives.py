@@ -32,7 +32,7 @@ from kmpc_lab.studies.clutter.drivers import (
     Theirs,
 )
 from kmpc_lab.studies.clutter.worlds import Cylinders, draw_field, draw_moving, read_barn
-from kmpc_lab.studies.drive_results import Column, count_of, mean_of, table
+from kmpc_lab.studies.drive_results import Column, count_of, jerk, mean_of, table
 from kmpc_lab.studies.records import Work
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.scenario.touch import footprint_gaps
@@ -118,7 +118,6 @@ def drive(
     ideal = world.length / SPEED
     score = ideal / float(np.clip(seconds, LEAST * ideal, MOST * ideal)) if arrived else 0.0
     commands = np.array(loop.commands)
-    changes = np.diff(commands, axis=0) / (JACKAL.speed, JACKAL.turn_rate)
     statuses = ours.statuses if ours else []
     spots = (np.abs(commands[:, 0]) < 0.05) & (np.abs(commands[:, 1]) > 0.2)
     lost = sum(s in (PlanStatus.STOPPED, PlanStatus.FALLBACK) for s in statuses)
@@ -130,7 +129,7 @@ def drive(
         turns=float(spots.mean()),
         fallback=lost / max(len(statuses), 1),
         feasible=statuses.count(PlanStatus.FEASIBLE) / max(len(statuses), 1),
-        jerk=float(np.sqrt((changes**2).sum(axis=1).mean())),
+        jerk=jerk(np.diff(commands, axis=0) / (JACKAL.speed, JACKAL.turn_rate)),
         step_p50=float(p50),
         step_p99=float(p99),
         ended=ours.ended if ours else "",
