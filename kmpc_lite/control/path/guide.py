@@ -25,6 +25,7 @@ from kmpc_lite.control.options import (
 from kmpc_lite.control.path.capabilities import Capabilities, follows_poses
 from kmpc_lite.control.path.field.field_planner import FieldPlanner
 from kmpc_lite.control.path.goal_checker import content_with, holds
+from kmpc_lite.control.path.grid_planner import GridPlanner
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
 from kmpc_lite.control.path.replan import Replanner
@@ -38,7 +39,6 @@ from kmpc_lite.control.path.situation import (
     wait_in_sight,
 )
 from kmpc_lite.control.path.state import BLOCKED, GuideState
-from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
@@ -71,7 +71,7 @@ class Guide:
     clock : callable
         Gives the time [s] that `until` is on.
     planner : Planner, optional
-        Finds paths, in the robot's units; the one of tangents and lattices if not given.
+        Finds paths, in the robot's units; one that fits the wheels if not given.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Guide:
         if planner is None and self._by_poses:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:
-            planner = TangentPlanner(problem, options or GuidanceOptions())
+            planner = GridPlanner(problem, options or GuidanceOptions())
         self._replanner = Replanner(problem, self._options, clock, planner)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:

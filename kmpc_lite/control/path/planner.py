@@ -142,6 +142,28 @@ class PathRequest:
         coarse = 0.0 if self.known is None else self.known.coarseness
         return distances_around(points, self.circles, self.solids, coarse, self.unit)
 
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        """Distances (n,) as above, and directions (n, 2) away from what is nearest."""
+        gap, away = np.full(len(points), np.inf), np.zeros_like(points)
+        if len(self.circles):
+            off = points[:, None] - self.circles[:, :2]
+            apart = np.hypot(off[..., 0], off[..., 1])
+            which = (apart - self.circles[:, 2]).argmin(axis=1)
+            rows = np.arange(len(points))
+            apart = apart[rows, which]
+            gap = apart - self.circles[which, 2]
+            away = off[rows, which] / np.maximum(apart, ROUNDING)[:, None]
+        if self.solids is not None and len(self.solids.whole):
+            distance, normals = self.solids.whole.measure(points / self.unit)
+            which = distance.argmin(axis=1)[:, None]
+            of_solids = np.take_along_axis(distance, which, 1)[:, 0] * self.unit
+            of_solids += 0.0 if self.known is None else self.known.coarseness
+            is_nearer = of_solids < gap
+            normal = np.take_along_axis(normals, which[..., None], 1)[:, 0]
+            gap = np.where(is_nearer, of_solids, gap)
+            away = np.where(is_nearer[:, None], normal, away)
+        return gap, away
+
     def in_metres(self, scale: Scale) -> PathRequest:
         """Give the same of a request in the robot's units."""
         length, speed = scale.length, np.array((scale.speed, 1.0 / scale.time))

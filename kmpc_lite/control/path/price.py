@@ -8,9 +8,8 @@ import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.field.outline_clearance import outline_distances
-from kmpc_lite.control.path.lattice_path import LatticePath
 from kmpc_lite.control.path.planner import PathRequest, Route
-from kmpc_lite.control.path.tangent_graph import CUT_DEPTH, GeometricPath
+from kmpc_lite.control.path.taut_string import CUT_DEPTH, GeometricPath
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.geometry import angle_swept, wrap
 from kmpc_lite.types import Array
@@ -62,9 +61,7 @@ def extra_time(path: GeometricPath, request: PathRequest, options: GuidanceOptio
     return extra
 
 
-def look_times(
-    request: PathRequest, lattice_path: LatticePath | None, plan_time: float
-) -> tuple[float, float]:
+def look_times(request: PathRequest, points: Array, plan_time: float) -> tuple[float, float]:
     """How long the robot stops on its way to look, driving forwards, and backwards [s].
 
     If no scanner looks in the direction in which it drives, it turns round to look, and back,
@@ -73,9 +70,6 @@ def look_times(
     known = request.known
     if known is None or not any(known.blind_turns):
         return 0.0, 0.0
-    points = np.stack([request.start[:2], request.goal[:2]])
-    if lattice_path is not None:
-        points = lattice_path.points
     speed, turn_rate = request.forward.tolist()
     unknown = known.unknown_length(points)
     looks = max(unknown / (speed * plan_time), 1.0) if unknown else 0.0

@@ -14,8 +14,8 @@ from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses
+from kmpc_lite.control.path.distance_grid import SAMPLE
 from kmpc_lite.control.path.field.outline_clearance import outline_distances
-from kmpc_lite.control.path.lattice_path import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
@@ -264,7 +264,7 @@ class SearchDriver:
         if begun is path or now.distance <= NEAR_GOAL:
             return path
         line = begun.poses[2, :2] - rest
-        samples = 2 + int(math.hypot(*line.tolist()) / LATTICE_SAMPLE)
+        samples = 2 + int(math.hypot(*line.tolist()) / SAMPLE)
         points = rest + np.linspace(0.0, 1.0, samples)[:, None] * line
         distances = request.distances(points)
         around = float(distances[0])

@@ -9,19 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.lattice_path import BACK_OFF
 from kmpc_lite.control.path.planner import ROUNDING, Path, PathRequest
 from kmpc_lite.control.path.turning_centre import swing
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.path.lattice import Lattice
 
 DEEP = 0.015
 """A robot that is so deep in a margin is led out first [m] ..."""
@@ -36,7 +31,6 @@ OUTWARD_SHARE = 0.55
 half of it is not safe."""
 LEAST_CLEARANCE = 0.005
 """Clearance that is tried last: a path that keeps less would not be driven [m]."""
-NO_EDGES = np.empty((0, 2), dtype=np.intp)
 
 
 def way_out(request: PathRequest) -> Array | None:
@@ -78,23 +72,6 @@ def led_out(path: Path, start: Array) -> Path:
     return replace(path, poses=np.concatenate([start[None], turned[None], poses]))
 
 
-class Obstacles(NamedTuple):
-    """Circles, and corners of solids, as the search sees them."""
-
-    centres: Array
-    """(M, 2) [m]."""
-    sizes: Array
-    """(M,) radii, before they are inflated [m]."""
-    edges: Array
-    """(S, 2) pairs of corners."""
-    landmarks: Array
-    """(L, 2) a point in each obstacle [m]."""
-    most: Array
-    """(M,) how far each may be inflated so that start and goal stay outside [m]."""
-    area: Array
-    """(4,) xmin, ymin, xmax, ymax [m]; start and goal lie in it."""
-
-
 def all_clearances(request: PathRequest, turning: float, options: GuidanceOptions) -> list[float]:
     """Clearances that are tried [m], the widest first.
 
@@ -123,27 +100,3 @@ def all_clearances(request: PathRequest, turning: float, options: GuidanceOption
     # beside it
     around = swing(centre)
     return [c + around for c in clearances] + [c + beside for c in narrow]
-
-
-def gather(request: PathRequest, lattice: Lattice | None) -> Obstacles:
-    """Put circles and corners into one list: with a lattice, not those of grids."""
-    around = swing(request.centre)
-    circles, pose, goal = request.circles, request.start, request.goal
-    centres, sizes, edges, landmarks = circles[:, :2], circles[:, 2], NO_EDGES, circles[:, :2]
-    to_pose, to_goal = (np.hypot(*(centres - p[:2]).T) for p in (pose, goal))
-    solids = request.solids
-    if solids is not None:
-        corners = solids.all_corners if lattice is None else solids.outline_corners
-        centres = np.concatenate([centres, corners.points])
-        to_pose = np.concatenate([to_pose, corners.to_centre(pose[:2])])
-        to_goal = np.concatenate([to_goal, corners.to_centre(goal[:2])])
-        sizes = np.concatenate([sizes, corners.rounding])
-        edges = corners.edges + len(circles)
-        landmarks = np.concatenate([landmarks, corners.middles])
-    if lattice is not None:
-        landmarks = np.concatenate([landmarks, lattice.landmarks])
-    # the outermost of robot and goal widen the area
-    low = np.minimum(request.area[0] + around, np.minimum(pose, goal)[:2])
-    high = np.maximum(request.area[1] - around, np.maximum(pose, goal)[:2])
-    most = np.maximum(np.minimum(to_pose, to_goal) - BACK_OFF, 0.0)
-    return Obstacles(centres, sizes, edges, landmarks, most, np.concatenate([low, high]))

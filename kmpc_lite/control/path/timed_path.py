@@ -14,7 +14,7 @@ from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.tangent_graph import GeometricPath
+    from kmpc_lite.control.path.taut_string import GeometricPath
 
 GRID_STEP = 0.05
 """Time between neighbouring poses of a path, among which the robot's place is looked for [s]."""

@@ -76,56 +76,6 @@ class Nearby:
         return least
 
 
-class Corners:
-    """Corners of all solids, and the edges between them: what ways go around.
-
-    Parameters
-    ----------
-    outlines : Outlines
-        Of polygons and walls, numbered as below.
-    corners : sequence of ndarray
-        Corners (C, 2) of each polygon, wall and rectangle [m], in that order.
-    boxes : sequence of Boxes
-        The rectangles.
-    """
-
-    def __init__(
-        self, outlines: Outlines, corners: Sequence[Array], boxes: Sequence[Boxes]
-    ) -> None:
-        self._outlines, self._boxes = outlines, boxes
-        counts = np.array([len(c) for c in corners], dtype=np.intp)
-        first = np.repeat(np.cumsum(counts) - counts, counts)
-        number = np.arange(int(counts.sum()))
-        self.points = np.concatenate([np.empty((0, 2)), *corners])
-        """(V, 2) [m]."""
-        self.owner = np.repeat(np.arange(len(corners)), counts)
-        """(V,) number of each corner's solid."""
-        self.rounding = np.concatenate([outlines.rounding, np.zeros(len(corners) - len(outlines))])[
-            self.owner
-        ]
-        """(V,) distance from a corner that belongs to the solid [m]."""
-        following = first + (number - first + 1) % counts[self.owner]
-        # a line has one edge, not one there and one back
-        used = (counts[self.owner] > 2) | (number < following)
-        self.edges = np.stack([number, following], axis=1)[used]
-        """(S, 2) numbers of corners."""
-        self.middles = np.array([c.mean(axis=0) for c in corners]).reshape(-1, 2)
-        """(P, 2) a point within each solid [m]."""
-
-    def to_centre(self, point: Array) -> Array:
-        """Radius (V,) to which each corner can grow until its solid reaches a point (2,) [m].
-
-        The edges of the solid grow with its corners.
-        """
-        here = point[None]
-        gaps = [self._outlines.distances(here)[0][0]] if len(self._outlines) else []
-        distance = np.concatenate(
-            [np.empty(0), *gaps, *(b.distances(here)[0] for b in self._boxes)]
-        )
-        grown: Array = distance[self.owner] + self.rounding
-        return grown
-
-
 class Solids:
     """Solids of a map, prepared once.
 
@@ -160,9 +110,9 @@ class Solids:
         return sum(len(boxes.low) for boxes in self.boxes)
 
     @cached_property
-    def outline_corners(self) -> Corners:
-        """Corners of polygons and walls alone."""
-        return Corners(self.outlines, self._outline_points, [])
+    def landmarks(self) -> Array:
+        """Points (P, 2) in each polygon and wall [m]."""
+        return np.array([c.mean(axis=0) for c in self._outline_points]).reshape(-1, 2)
 
     @cached_property
     def outermost(self) -> Array:
@@ -170,22 +120,6 @@ class Solids:
         return np.concatenate(
             [np.empty((0, 2)), *self._outline_points, *(b.outermost for b in self.boxes)]
         )
-
-    @cached_property
-    def all_corners(self) -> Corners:
-        """Corners of all solids."""
-        corners = list(self._outline_points)
-        for boxes in self.boxes:
-            (x_min, y_min), (x_max, y_max) = boxes.low.T, boxes.high.T
-            around = np.stack(
-                [
-                    np.stack([x_min, x_max, x_max, x_min], 1),
-                    np.stack([y_min, y_min, y_max, y_max], 1),
-                ],
-                axis=-1,
-            )
-            corners += list(boxes.grid.to_map(around))
-        return Corners(self.outlines, corners, self.boxes)
 
     def within(self, point: Array, distance: float) -> Nearby:
         """Solids within a distance [m] of a point (2,) that the robot can come to."""

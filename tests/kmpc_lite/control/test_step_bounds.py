@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.cuts import with_walls
 
 GOAL = (1.6, 1.2, 0.0)
 
@@ -109,29 +108,3 @@ def test_the_largest_that_is_taken_is_borne(
     # tracing takes most of it
     assert time.process_time() - began < 20.0
     assert memory() < 250.0
-
-
-def test_a_path_that_is_not_looked_for_is_reported() -> None:
-    wall = np.column_stack([np.full(1000, 0.8), np.linspace(-5.0, 5.0, 1000), np.full(1000, 0.05)])
-    one = controller(problem=kl.NavigationProblem(x_min=(-9, -9, -np.inf), x_max=(9, 9, np.inf)))
-    plan = one.step((0, 0, 0), GOAL, wall)
-    assert plan.reason == "too many obstacles are in the way to find a path around them"
-    assert not plan.reachable
-
-
-def test_walls_of_many_circles_are_found_one_by_one() -> None:
-    random = np.random.default_rng(1)
-    for _ in range(20):
-        count = int(random.integers(2, 60))
-        centres, radii = random.uniform(0, 3, (count, 2)), random.uniform(0.05, 0.25, count)
-        edges = random.permutation(count)[: 2 * (count // 6)].reshape(-1, 2)
-        known = random.random(count) < 0.1
-        alone = np.setdiff1d(np.arange(count), edges)
-        found = known.copy()
-        found[edges[found[edges].any(axis=1)]] = True
-        for _ in range(count):
-            near = (
-                np.hypot(*(centres[:, None] - centres).transpose(2, 0, 1)) < radii[:, None] + radii
-            )
-            found[alone] |= (near[np.ix_(alone, alone)] & found[alone]).any(axis=1)
-        np.testing.assert_array_equal(with_walls(known, centres, radii, edges), found)

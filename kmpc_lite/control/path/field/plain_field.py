@@ -6,9 +6,8 @@ It tells a search where to grow, and whether the goal's place can be reached at 
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse.csgraph import dijkstra
 
-from kmpc_lite.control.path.lattice import linked
+from kmpc_lite.control.path.distance_grid import Ways
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.types import Array
 
@@ -78,9 +77,9 @@ class PlainField:
         return 20
 
     def _search(self) -> None:
-        graph = linked(self._free, np.ones(self._free.shape), self._cell)
         source = self._places(self._request.start[None])[0]
-        self._distances = dijkstra(graph, directed=False, indices=int(source))
+        ways = Ways(self._free, np.ones(self._free.shape), self._cell, int(source))
+        self._distances = ways.cost
         goal = self._places(self._request.goal[None])[0]
         self.connects = bool(np.isfinite(self._distances[goal]))
         self.is_ready = True

@@ -19,9 +19,8 @@ from scipy import ndimage
 from kmpc_lab.sim.maps.layout import BOUNDS, ROBOT_RADIUS, Layout, Random, at_rest, draw_ends
 from kmpc_lab.sim.maps.solids import draw_polygons, draw_rooms, draw_walls
 from kmpc_lite.control.world.circles import Circle
-from kmpc_lite.control.world.outlines import Outlines
 from kmpc_lite.control.world.scene import Solid
-from kmpc_lite.control.world.solids import Nearby, Solids
+from kmpc_lite.control.world.solids import Solids
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
@@ -106,33 +105,10 @@ def has_passage(
 def _take_away(
     free: NDArray[np.bool_], x: Array, y: Array, solids: Sequence[Solid], keep: float
 ) -> None:
-    """Clear the cells of `free` (X, Y) whose centres are nearer than `keep` to a solid.
-
-    Convex pieces are taken one after the other.
-    """
-    prepared = Solids(solids)
-    parts = [
-        Nearby(prepared.outlines.take(np.array([i])), []) for i in range(len(prepared.outlines))
-    ]
-    parts += [
-        Nearby(Outlines.of([]), [boxes.take(np.array([i]))])
-        for boxes in prepared.boxes
-        for i in range(len(boxes.low))
-    ]
-    corners = prepared.all_corners
-    for i, part in enumerate(parts):
-        own = corners.owner == i
-        reach = keep + float(corners.rounding[own].max())
-        low, high = corners.points[own].min(axis=0) - reach, corners.points[own].max(axis=0) + reach
-        window = (
-            slice(*np.searchsorted(x, (low[0], high[0]))),
-            slice(*np.searchsorted(y, (low[1], high[1]))),
-        )
-        places = np.stack(np.meshgrid(x[window[0]], y[window[1]], indexing="ij"), axis=-1).reshape(
-            -1, 2
-        )
-        if len(places):
-            free[window] &= (part.least(places) >= keep).reshape(free[window].shape)
+    """Clear the cells of `free` (X, Y) whose centres are nearer than `keep` to a solid."""
+    whole = Solids(solids).whole
+    for row, at in zip(free, x, strict=True):
+        row &= whole.least(np.column_stack([np.full(len(y), at), y])) >= keep
 
 
 def random_map(family: str, seed: int, slip: float = 0.0) -> Scenario:

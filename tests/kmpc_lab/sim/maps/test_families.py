@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from paths import quickest_paths
 
 from kmpc_lab.sim.maps.families import (
     BOUNDS,
@@ -27,12 +26,6 @@ def test_a_map_has_the_passage_that_its_family_promises(family: str, seed: int) 
     )
     clearance = ROBOT_RADIUS + FAMILIES[family].passage
     assert has_passage(circles, start, goal, clearance, AREA)
-    # the guidance, which knows no grid, agrees
-    radii = circles[:, 2] + clearance
-    assert (
-        next(quickest_paths(circles[:, :2], radii, start, goal, AREA, np.array([0.6, 0.78])), None)
-        is not None
-    )
 
 
 # -- the check of the passage

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from path_requests import request
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.field.field_planner import NO_ROOM, NO_WAY, FieldPlanner
-from kmpc_lite.control.path.planner import Path, PathRequest
+from kmpc_lite.control.path.planner import Path
 from kmpc_lite.control.wheels import Car, Differential, Omni
 from kmpc_lite.control.world.solids import Solids
 
@@ -18,25 +19,6 @@ CART = kl.Footprint.rectangle(0.5, 0.25, ahead=-0.15)
 FOUR = [(0.5, 0.3, 0.3), (-0.3, 0.6, 0.25), (-0.4, -0.6, 0.3), (0.7, -0.7, 0.25)]
 CAR = Car(0.4)
 ALL = [CAR, Car(0.4, reverse=False), Omni(), Differential()]
-
-
-def request(start, goal, circles=(), solids=None, footprint=None):
-    outline = np.array([[0.0, 0.0, 0.15]])
-    if footprint is not None:
-        radii = np.full(len(footprint.circles), footprint.circle_radius)
-        outline = np.column_stack([footprint.circles, radii])
-    return PathRequest(
-        start=np.array(start, dtype=float),
-        goal=np.array(goal, dtype=float),
-        target=np.array(goal, dtype=float),
-        circles=np.array([(*c, 0, 0) for c in circles], dtype=float).reshape(-1, 5),
-        solids=None if solids is None else Solids(solids),
-        outline=outline,
-        inflation=float(outline[0, 2]),
-        area=np.array([[-2.0, -2.0], [2.0, 2.0]]),
-        forward=np.array([0.6, 2.0]),
-        backward=np.array([0.6, 2.0]),
-    )
 
 
 def search(wheels, asked, problem=PROBLEM, quanta=1):

@@ -1,0 +1,299 @@
+"""Distances from what is in the way on the nodes of a grid, and the shortest ways on it to a goal.
+
+It tells on which sides of the obstacles a path leads; how it leads there exactly, a taut string
+does (`taut_string`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from kmpc_lite.control.path.planner import ROUNDING, PathRequest
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.occupancy import OccupancyGrid
+    from kmpc_lite.control.world.outlines import Outlines
+    from kmpc_lite.control.world.solids import Solids
+
+BORDER = 0.6
+"""How far a path may lead around the outermost obstacle, start or goal [m]."""
+NEAR_COST = 0.2
+"""A way along an obstacle counts as longer than one in the open, by this share: paths keep in the
+middle between two obstacles."""
+CUT = 0.005
+"""How much nearer than asked lines may lead past obstacles: the nodes tell distances so well [m].
+"""
+BESIDE = 0.7
+"""Room is looked for beside nodes that are too near by less than so many steps, ..."""
+NEAREST = 0.25
+"""... and by less than this share of the distance that is kept."""
+SAMPLE = 0.04
+"""A line is looked at in points that lie so far apart [m]."""
+COARSE = 8
+"""Every so many points of a line are looked at first: most lines that are barred are so there."""
+FIELD_CELLS = 1_000_000
+"""Most cells of a map for which the distance to the nearest obstacle is worked out. Cells of a
+larger or finer one are joined to blocks, which count as occupied where one of their cells is."""
+MOVES = ((0, 1), (1, -1), (1, 0), (1, 1), (1, 2), (2, 1), (2, -1), (1, -2))
+"""From a node to half of its neighbours, by rows and columns: the others have it for theirs."""
+PORTION = 2**18
+"""Nodes times edges that are looked at at once: a matter of memory alone."""
+FAR = 1e3
+"""Distance from what is farther than this, or not there at all [m]."""
+
+
+class Extent(NamedTuple):
+    """Of a grid."""
+
+    step: float
+    """Least distance between neighbours [m]."""
+    nodes: int
+    """Most nodes: larger maps get wider steps."""
+    around: float
+    """Obstacles farther than this from the middle between start and goal make it no larger [m]."""
+
+
+class DistanceGrid:
+    """Distances of nodes from the circles and solids of a request.
+
+    Parameters
+    ----------
+    request : PathRequest
+        Start, goal, obstacles and area.
+    extent : Extent
+        Of the nodes.
+    fields : list of MapField
+        Of the occupancy grids among the solids.
+    """
+
+    def __init__(self, request: PathRequest, extent: Extent, fields: list[MapField]) -> None:
+        self._request, solids = request, request.solids
+        ends = np.stack([request.start[:2], request.goal[:2]])
+        circles = request.circles
+        centres, radii = circles[:, :2], circles[:, 2:3]
+        around = [] if solids is None else [solids.outermost]
+        points = np.concatenate([centres - radii, centres + radii, *around])
+        near = (np.abs(points - ends.mean(axis=0)) <= extent.around).all(axis=1)
+        self.is_whole = bool(near.all())
+        """Whether all obstacles lie on it."""
+        points = np.concatenate([ends, points[near]])
+        low, high = points.min(axis=0) - BORDER, points.max(axis=0) + BORDER
+        # only start and goal may lie outside the area
+        low, high = np.maximum(low, request.area[0]), np.minimum(high, request.area[1])
+        self.low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
+        size = high - self.low
+        self.step = max(extent.step, math.sqrt(float(size.prod()) / extent.nodes))
+        self.shape = tuple(int(v) for v in np.ceil(size / self.step).astype(int) + 1)
+        self._axes = [self.low[i] + self.step * np.arange(self.shape[i]) for i in (0, 1)]
+        places = np.empty((*self.shape, 2))
+        places[..., 0], places[..., 1] = self._axes[0][:, None], self._axes[1]
+        self.places = places.reshape(-1, 2)
+        distance = np.full(len(self.places), FAR)
+        for field in fields:
+            np.minimum(distance, field.distances(self.places), out=distance)
+        if solids is not None:
+            for outlines in solids.outlines.walls_and_polygons():
+                self._see_outlines(distance, outlines)
+        self.distance = distance.reshape(self.shape)
+        for x, y, radius in circles[:, :3]:
+            away = np.hypot(self._axes[0][:, None] - x, self._axes[1] - y) - radius
+            np.minimum(self.distance, away, out=self.distance)
+
+    def _see_outlines(self, distance: Array, outlines: Outlines) -> None:
+        portion = max(PORTION // outlines.edge_count, 1)
+        for begin in range(0, len(distance), portion):
+            some = slice(begin, begin + portion)
+            near = outlines.distances(self.places[some])[0].min(axis=1)
+            np.minimum(distance[some], near, out=distance[some])
+
+    def node(self, point: Array) -> int:
+        """Number of the node nearest to a point (2,)."""
+        row, column = np.rint((point[:2] - self.low) / self.step).astype(int)
+        return int(row * self.shape[1] + column)
+
+    def holds(self, points: Array) -> NDArray[np.bool_]:
+        """Which points (n, 2) lie on the grid."""
+        high = self.low + self.step * (np.array(self.shape) - 1)
+        held: NDArray[np.bool_] = ((points >= self.low) & (points <= high)).all(axis=1)
+        return held
+
+    def free(self, kept: float) -> tuple[NDArray[np.bool_], Array]:
+        """Nodes (H, W) that keep a distance [m] from what is in the way, and their places (H W, 2).
+
+        Nodes that are a little too near keep it where there is room beside them: passages are
+        hardly wider than that, and lie between nodes. At start and goal, where the robot may stand
+        nearer than a path leads, nodes are free from there outwards.
+        """
+        request, places, distance = self._request, self.places.copy(), self.distance.ravel().copy()
+        # what scans show is known no better than that
+        deep = min(BESIDE * self.step, NEAREST * kept) if request.known is None else 0.0
+        near = np.flatnonzero((distance < kept) & (distance >= kept - deep))
+        if len(near):
+            gap, away = request.nearest(places[near])
+            places[near] += (kept - gap)[:, None] * away
+            distance[near] = np.maximum(distance[near], request.distances(places[near]) + ROUNDING)
+        distance = distance.reshape(self.shape)
+        free = distance >= kept
+        for axis, at in enumerate(self._axes):
+            inside = (at >= request.area[0, axis]) & (at <= request.area[1, axis])
+            free &= inside[:, None] if axis == 0 else inside
+        for point in (request.start, request.goal):
+            x, y = self._axes[0] - point[0], self._axes[1] - point[1]
+            reach = 2.0 * kept
+            rows = slice(*np.searchsorted(x, (-reach, reach + self.step)))
+            columns = slice(*np.searchsorted(y, (-reach, reach + self.step)))
+            close = np.hypot(x[rows, None], y[columns]) <= reach
+            allowed = min(float(distance.ravel()[self.node(point)]) - self.step, kept)
+            around = distance[rows, columns]
+            free[rows, columns] |= close & (around >= allowed) & (around > 0.0)
+        return free, places
+
+    def costs(self, kept: float) -> Array:
+        """How many times its length a way by each node (H, W) counts that keeps a distance [m]."""
+        return 1.0 + NEAR_COST * np.clip(2.0 - self.distance / kept, 0.0, 1.0)
+
+    def distances(self, points: Array) -> Array:
+        """Distance (...) of points (..., 2), between the nodes [m]."""
+        (height, width), field = self.shape, self.distance.ravel()
+        place = (points - self.low) / self.step
+        near = np.minimum(np.maximum(place.astype(np.intp), 0), (height - 2, width - 2))
+        x, y = (place - near)[..., 0], (place - near)[..., 1]
+        at = near[..., 0] * width + near[..., 1]
+        low = (1 - y) * field.take(at) + y * field.take(at + 1)
+        high = (1 - y) * field.take(at + width) + y * field.take(at + width + 1)
+        found: Array = (1 - x) * low + x * high
+        return found
+
+    def lines_free(self, first: Array, last: Array, kept: float) -> NDArray[np.bool_]:
+        """Which lines (T,) from (T, 2) to (T, 2) keep a distance [m], but for `CUT`."""
+        longest = float(np.abs(last - first).max(initial=0.0))
+        samples = 2 + int(longest / self.step)
+        along = np.linspace(0.0, 1.0, samples)[:, None, None]
+        least = kept - CUT
+        free = np.ones(len(first), dtype=bool)
+        for some in (along[::COARSE], along):
+            look = np.flatnonzero(free)
+            begin = first[look]
+            distances = self.distances(begin + some * (last[look] - begin))
+            free[look] = (distances >= least).all(axis=0)
+        return free
+
+
+class MapField:
+    """Distances from the occupied cells of a map, with a border of free cells around it.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        Whose.
+    step : float
+        Least distance between two places that are asked for [m].
+    """
+
+    def __init__(self, grid: OccupancyGrid, step: float) -> None:
+        self._grid = grid
+        size = grid.resolution * np.array(grid.occupied.shape) + 4.0 * BORDER
+        least = math.sqrt(float(size.prod()) / FIELD_CELLS)
+        fine = int(0.5 * step / grid.resolution + 1e-9)
+        joined = max(1, fine, math.ceil(least / grid.resolution - 1e-9))
+        self._side = joined * grid.resolution
+        blocks = _blocks(grid.occupied, joined)
+        self._border = math.ceil(2.0 * BORDER / self._side)
+        away = ndimage.distance_transform_edt(~np.pad(blocks, self._border))
+        self._distance: Array = self._side * (away - 0.5)
+        self.landmarks = grid.to_map(self._side * _pieces(blocks))
+        """(L, 2) a point in each piece of the map that hangs together [m]."""
+
+    def distances(self, places: Array) -> Array:
+        """Distance (n,) of places (n, 2) from the occupied cells [m]."""
+        at = self._grid.to_grid(places).T[::-1] / self._side - 0.5 + self._border
+        found: Array = ndimage.map_coordinates(self._distance, at, order=1, mode="nearest")
+        return found
+
+
+def map_fields(solids: Solids | None, step: float) -> list[MapField]:
+    """Distances from the occupied cells of all maps among solids."""
+    return [] if solids is None else [MapField(boxes.grid, step) for boxes in solids.boxes]
+
+
+def _blocks(occupied: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """Blocks of so many cells a side, occupied where a cell of theirs is."""
+    if side == 1:
+        return occupied
+    rows, columns = (np.arange(0, length, side) for length in occupied.shape)
+    return np.logical_or.reduceat(np.logical_or.reduceat(occupied, rows, axis=0), columns, axis=1)
+
+
+def _pieces(blocks: NDArray[np.bool_]) -> Array:
+    """Column and row (L, 2) of the middle of a block in each piece that hangs together."""
+    labels, pieces = ndimage.label(blocks, np.ones((3, 3)))
+    occupied = np.flatnonzero(labels)[::-1]
+    first = np.empty(pieces + 1, dtype=np.intp)
+    # of the blocks of a piece the one that comes last counts: the first of all
+    first[labels.ravel()[occupied]] = occupied
+    row, column = np.divmod(first[1:], labels.shape[1])
+    return np.column_stack([column, row]) + 0.5
+
+
+class Ways:
+    """Shortest ways on a grid to a goal, from everywhere.
+
+    Parameters
+    ----------
+    free : ndarray
+        Nodes (H, W) that ways may use.
+    costs : ndarray
+        How many times its length a way from each of them counts (H, W).
+    step : float
+        Distance between neighbours along the axes [m].
+    goal : int
+        Number of the goal's node.
+    """
+
+    def __init__(self, free: NDArray[np.bool_], costs: Array, step: float, goal: int) -> None:
+        self.cost: Array
+        """(H W,) of the way from each node [m]; infinite if there is none."""
+        self.cost, self._towards = dijkstra(
+            _linked(free, costs, step), directed=False, indices=goal, return_predecessors=True
+        )
+
+    def line_from(self, node: int) -> list[int]:
+        """Numbers of the nodes on the way from a node to the goal."""
+        line = [node]
+        while (following := int(self._towards[line[-1]])) >= 0:
+            line.append(following)
+        return line
+
+
+def _linked(free: NDArray[np.bool_], costs: Array, step: float) -> csr_matrix:
+    """Graph of the sixteen ways between free nodes of a grid (H, W)."""
+    height, width = free.shape
+    links = np.zeros((height, width, len(MOVES)), dtype=bool)
+    for i, (down, right) in enumerate(MOVES):
+        near = [(down, right)]
+        if abs(down) + abs(right) > 2:
+            # of the two nodes beside it one lies straight ahead, one askew
+            side = right // abs(right)
+            near += [(down // 2, abs(right) // 2 * side), (1, side)]
+        first, last = max(-right, 0), width - max(right, 0)
+        here = free[: height - down, first:last].copy()
+        for rows, columns in near:
+            here &= free[rows : height - down + rows, first + columns : last + columns]
+        links[: height - down, first:last, i] = here
+    begins = np.zeros(free.size + 1, dtype=np.int32)
+    np.cumsum(links.sum(axis=2, dtype=np.int32), out=begins[1:])
+    linked = np.flatnonzero(links)
+    tail = linked // len(MOVES)
+    kind = linked - len(MOVES) * tail
+    downs, rights = np.array(MOVES).T
+    head = (tail + (downs * width + rights).take(kind)).astype(np.int32)
+    lengths = (step * np.hypot(downs, rights)).take(kind) * costs.take(tail)
+    return csr_matrix((lengths, head, begins), (free.size, free.size))
