@@ -21,7 +21,6 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.world.occupancy import OccupancyGrid
     from kmpc_lite.control.world.outlines import Outlines
-    from kmpc_lite.control.world.solids import Solids
 
 BORDER = 0.6
 """How far a path may lead around the outermost obstacle, start or goal [m]."""
@@ -137,8 +136,8 @@ class DistanceGrid:
         deep = min(BESIDE * self.step, NEAREST * kept) if request.known is None else 0.0
         near = np.flatnonzero((distance < kept) & (distance >= kept - deep))
         if len(near):
-            gap, away = request.nearest(places[near])
-            places[near] += (kept - gap)[:, None] * away
+            beside = request.nearest(places[near])
+            places[near] += (kept - beside.gap)[:, None] * beside.away
             distance[near] = np.maximum(distance[near], request.distances(places[near]) + ROUNDING)
         distance = distance.reshape(self.shape)
         free = distance >= kept
@@ -217,11 +216,6 @@ class MapField:
         at = self._grid.to_grid(places).T[::-1] / self._side - 0.5 + self._border
         found: Array = ndimage.map_coordinates(self._distance, at, order=1, mode="nearest")
         return found
-
-
-def map_fields(solids: Solids | None, step: float) -> list[MapField]:
-    """Distances from the occupied cells of all maps among solids."""
-    return [] if solids is None else [MapField(boxes.grid, step) for boxes in solids.boxes]
 
 
 def _blocks(occupied: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:

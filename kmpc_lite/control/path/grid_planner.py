@@ -26,7 +26,6 @@ from kmpc_lite.control.path.distance_grid import (
     Extent,
     MapField,
     Ways,
-    map_fields,
 )
 from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.path.price import (
@@ -39,7 +38,7 @@ from kmpc_lite.control.path.price import (
     switching_time,
 )
 from kmpc_lite.control.path.surroundings import all_clearances, led_out, way_out
-from kmpc_lite.control.path.taut_string import GeometricPath, Surroundings, TautStrings
+from kmpc_lite.control.path.taut_string import GeometricPath, Line, Surroundings, TautStrings
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.solids import Solids, same_solids
@@ -133,7 +132,7 @@ class GridPlanner:
         step = STEP * self._unit
         yield 1
         if request.solids is not None and not same_solids(request.solids, self._solids):
-            self._fields = map_fields(request.solids, step)
+            self._fields = [MapField(boxes.grid, step) for boxes in request.solids.boxes]
             self._solids = request.solids
         fields = [] if request.solids is None else self._fields
         within = [] if request.solids is None else [request.solids.landmarks]
@@ -177,11 +176,12 @@ class GridPlanner:
         known = list[list[list[float]]]()
         for line in self._lines(grid, ways, places, around):
             yield 1
-            pulled = around.pulled(line)
-            if pulled.corners.tolist() in known:
+            corners = around.pulled(line)
+            if corners.tolist() in known:
                 continue
-            known.append(pulled.corners.tolist())
-            looks = look_times(request, pulled.corners, self._plan_time)
+            known.append(corners.tolist())
+            pulled = Line(corners, [around.contact(point, corners) for point in corners[1:-1]])
+            looks = look_times(request, corners, self._plan_time)
             for reverse, share in enumerate((1.0, request.backward_share)):
                 if share > 0.0:
                     found = TautStrings(request, around, pulled, bool(reverse))

@@ -77,6 +77,19 @@ class Known:
         return length * float(unknown.mean())
 
 
+class Nearest(NamedTuple):
+    """The circle, or the point of a solid, that is nearest to each of n points."""
+
+    gap: Array
+    """(n,) distance from its edge [m]; inside below 0."""
+    away: Array
+    """(n, 2) direction away from it."""
+    centre: Array
+    """(n, 2) its middle [m]."""
+    size: Array
+    """(n,) its radius [m]; below 0 where solids stand out of what was hit."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PathRequest:
     """Between which poses, and around what, a path is looked for: data, in metres and seconds.
@@ -142,27 +155,30 @@ class PathRequest:
         coarse = 0.0 if self.known is None else self.known.coarseness
         return distances_around(points, self.circles, self.solids, coarse, self.unit)
 
-    def nearest(self, points: Array) -> tuple[Array, Array]:
-        """Distances (n,) as above, and directions (n, 2) away from what is nearest."""
+    def nearest(self, points: Array) -> Nearest:
+        """What is nearest to each of points (n, 2)."""
         gap, away = np.full(len(points), np.inf), np.zeros_like(points)
+        centre, size = points.copy(), np.zeros(len(points))
         if len(self.circles):
             off = points[:, None] - self.circles[:, :2]
             apart = np.hypot(off[..., 0], off[..., 1])
             which = (apart - self.circles[:, 2]).argmin(axis=1)
             rows = np.arange(len(points))
             apart = apart[rows, which]
-            gap = apart - self.circles[which, 2]
+            centre, size = self.circles[which, :2], self.circles[which, 2]
+            gap = apart - size
             away = off[rows, which] / np.maximum(apart, ROUNDING)[:, None]
         if self.solids is not None and len(self.solids.whole):
+            coarse = 0.0 if self.known is None else self.known.coarseness
             distance, normals = self.solids.whole.measure(points / self.unit)
             which = distance.argmin(axis=1)[:, None]
             of_solids = np.take_along_axis(distance, which, 1)[:, 0] * self.unit
-            of_solids += 0.0 if self.known is None else self.known.coarseness
-            is_nearer = of_solids < gap
             normal = np.take_along_axis(normals, which[..., None], 1)[:, 0]
-            gap = np.where(is_nearer, of_solids, gap)
-            away = np.where(is_nearer[:, None], normal, away)
-        return gap, away
+            nearer = of_solids + coarse < gap
+            gap[nearer], away[nearer] = of_solids[nearer] + coarse, normal[nearer]
+            centre[nearer] = (points - of_solids[:, None] * normal)[nearer]
+            size[nearer] = -coarse
+        return Nearest(gap, away, centre, size)
 
     def in_metres(self, scale: Scale) -> PathRequest:
         """Give the same of a request in the robot's units."""

@@ -105,45 +105,29 @@ class Surroundings:
     def __init__(self, request: PathRequest, grid: DistanceGrid, kept: float) -> None:
         self._request, self._grid, self.kept = request, grid, kept
         self._ends = np.stack([request.start[:2], request.goal[:2]])
-        at_ends = request.distances(self._ends)
         # start and goal stay outside of all discs
-        self._most = float(at_ends.min()) - BACK_OFF
-        self.least = max(min(kept, self._most), 0.0)
+        most = float(request.distances(self._ends).min()) - BACK_OFF
+        self.least = max(min(kept, most), 0.0)
 
     def contact(self, point: Array, corners: Array) -> Contact:
         """Disc about what is nearest to a point (2,), on its side of a line with corners (K, 2)."""
-        request = self._request
-        circles, best, found = request.circles, math.inf, (0.0, 0.0, 0.0)
-        if len(circles):
-            away = np.hypot(*(circles[:, :2] - point).T) - circles[:, 2]
-            nearest = int(away.argmin())
-            best, found = float(away[nearest]), tuple(circles[nearest, :3].tolist())
-        if request.solids is not None:
-            unit = request.unit
-            distance, normals = request.solids.whole.measure(point[None] / unit)
-            nearest = int(distance.argmin())
-            coarse = 0.0 if request.known is None else request.known.coarseness
-            gap = float(distance[0, nearest]) * unit
-            if gap + coarse < best:
-                x, y = (point - gap * normals[0, nearest]).tolist()
-                found = x, y, -coarse
-        x, y, size = found
-        centre = np.array((x, y))
+        nearest = self._request.nearest(point[None])
+        centre, size = nearest.centre[0], float(nearest.size[0])
         outside = float(np.hypot(*(self._ends - centre).T).min()) - BACK_OFF
         radius = max(min(size + self.kept, outside), 0.0)
         along, left = beside_line(centre, corners)
+        x, y = centre.tolist()
         return Contact(along, Disc(x, y, radius, math.copysign(1.0, left)))
 
-    def pulled(self, points: Array) -> Line:
-        """Give a line through points (n, 2), pulled straight."""
+    def pulled(self, points: Array) -> Array:
+        """Corners (K, 2) of a line through points (n, 2), pulled straight."""
         bends, last = [0], len(points) - 1
         while bends[-1] < last:
             ahead = np.arange(bends[-1] + 1, min(bends[-1] + LOOK, len(points)))
             here = np.repeat(points[bends[-1] : bends[-1] + 1], len(ahead), axis=0)
             seen = self._grid.lines_free(here, points[ahead], self.least)
             bends.append(int(ahead[np.flatnonzero(seen)[-1]] if seen.any() else ahead[0]))
-        corners = points[bends]
-        return Line(corners, [self.contact(point, corners) for point in corners[1:-1]])
+        return points[bends]
 
     def cut(self, points: Array) -> tuple[Array, Array]:
         """Where a line through points (K, 2) comes too near to something.
@@ -199,7 +183,7 @@ class String:
     def __init__(
         self, request: PathRequest, discs: list[Disc], courses: list[float], reverse: bool
     ) -> None:
-        self._request, self.discs, self._courses, self.reverse = request, discs, courses, reverse
+        self.discs, self._courses, self._reverse = discs, courses, reverse
         speed, turn_rate = request.forward.tolist()
         begin, end = (float(pose[2]) + math.pi * reverse for pose in (request.start, request.goal))
         before, after = [begin, *courses], [*courses, end]
@@ -235,7 +219,7 @@ class String:
     @property
     def path(self) -> GeometricPath:
         """Points, headings and time."""
-        return GeometricPath(self.rows[:, :2], self.rows[:, 2], self.time, self.reverse)
+        return GeometricPath(self.rows[:, :2], self.rows[:, 2], self.time, self._reverse)
 
 
 class TautStrings:
@@ -376,15 +360,14 @@ def _untangled(chain: list[Disc]) -> list[Disc] | None:
         if abs(b.sense * b.radius - a.sense * a.radius) < apart * FULL:
             i += 1
             continue
-        inner, smaller = (i, i + 1), i if a.radius < b.radius else i + 1
+        smaller = i if a.radius < b.radius else i + 1
         if i == 0 and i + 1 == last:
             return None
         if a.sense * b.sense < 0.0 and apart > ROUNDING:
             if i == 0 or i + 1 == last:
                 return None
             share = apart * FULL**2 / (a.radius + b.radius)
-            for number, disc in zip(inner, (a, b), strict=True):
-                chain[number] = disc._replace(radius=share * disc.radius)
+            chain[i : i + 2] = (disc._replace(radius=share * disc.radius) for disc in (a, b))
             i = max(i - 1, 0)
             continue
         if smaller in (0, last):

@@ -104,11 +104,6 @@ class Solids:
             self.extent = max(self.extent, float(np.abs(ends).max()))
         """Largest coordinate [m]."""
 
-    @property
-    def rectangle_count(self) -> int:
-        """How many rectangles the occupied cells of all grids make."""
-        return sum(len(boxes.low) for boxes in self.boxes)
-
     @cached_property
     def landmarks(self) -> Array:
         """Points (P, 2) in each polygon and wall [m]."""
