@@ -24,3 +24,11 @@ def request(start, goal, circles=(), solids=None, footprint=None, area=2.0, turn
         forward=np.array([0.6, turn]),
         backward=np.array([0.6, turn]),
     )
+
+
+def found(planner, asked, quanta=1):
+    """What a planner finds, its parts one after the other."""
+    planner.begin(asked)
+    while planner.path() is None:
+        assert planner.advance(quanta) >= 1
+    return planner.path()

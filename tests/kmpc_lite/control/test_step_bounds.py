@@ -108,3 +108,11 @@ def test_the_largest_that_is_taken_is_borne(
     # tracing takes most of it
     assert time.process_time() - began < 20.0
     assert memory() < 250.0
+
+
+def test_the_way_around_a_thousand_circles_is_found() -> None:
+    wall = np.column_stack([np.full(1000, 0.8), np.linspace(-5.0, 5.0, 1000), np.full(1000, 0.05)])
+    one = controller(problem=kl.NavigationProblem(x_min=(-9, -9, -np.inf), x_max=(9, 9, np.inf)))
+    for _ in range(5):
+        plan = one.step((0, 0, 0), GOAL, wall)
+    assert plan.reachable and plan.status is kl.PlanStatus.SOLVED

@@ -58,39 +58,16 @@ def field(
 
 
 KNOWN = Table("robots")
+HUSKY = {"radius": 0.5, "speed": 1.0, "turn": 1.0}
+WARTHOG = {"radius": 0.9, "speed": 4.0, "turn": 2.0}
 for number in range(2):
-    KNOWN.add(
-        f"Husky-like in 20 m, field {number}: arcs of its own were thrown away",
-        field,
-        radius=0.5,
-        speed=1.0,
-        turn=1.0,
-        side=20.0,
-        count=40,
-        number=number,
-        quick=number == 0,
-    )
-    KNOWN.add(
-        f"Husky-like in 40 m, field {number}",
-        field,
-        radius=0.5,
-        speed=1.0,
-        turn=1.0,
-        side=40.0,
-        count=80,
-        number=number,
-    )
-    KNOWN.add(
-        f"Warthog-like in 100 m, field {number}",
-        field,
-        radius=0.9,
-        speed=4.0,
-        turn=2.0,
-        side=100.0,
-        count=90,
-        number=number,
-        quick=number == 1,
-    )
+    for name, size, side, count, quick in (
+        ("Husky-like in 20 m, field {}: arcs of its own were thrown away", HUSKY, 20.0, 40, 0),
+        ("Husky-like in 40 m, field {}", HUSKY, 40.0, 80, None),
+        ("Warthog-like in 100 m, field {}", WARTHOG, 100.0, 90, 1),
+    ):
+        drawn = {"side": side, "count": count, "number": number, "quick": number == quick}
+        KNOWN.add(name.format(number), field, **size, **drawn)
     KNOWN.add(
         f"micro of 4 cm, field {number}",
         field,

@@ -1,15 +1,16 @@
 """Random maps: drawn again alike, within the area, and with the passage that they promise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from path_requests import found, request
 
-from kmpc_lab.sim.maps.families import (
-    BOUNDS,
-    FAMILIES,
-    ROBOT_RADIUS,
-    has_passage,
-    random_map,
-)
+import kmpc_lite as kl
+from kmpc_lab.sim.maps.families import BOUNDS, FAMILIES, ROBOT_RADIUS, has_passage, random_map
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.grid_planner import GridPlanner
+from kmpc_lite.control.path.planner import Path
 
 AREA = np.array(BOUNDS)
 SEEDS = range(4)
@@ -19,13 +20,14 @@ SEEDS = range(4)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_map_has_the_passage_that_its_family_promises(family: str, seed: int) -> None:
     scenario = random_map(family, seed)
-    circles, start, goal = (
-        scenario.circles_at(0.0),
-        np.array(scenario.start),
-        np.array(scenario.goal),
-    )
+    circles = scenario.circles_at(0.0)
+    start, goal = np.array(scenario.start), np.array(scenario.goal)
     clearance = ROBOT_RADIUS + FAMILIES[family].passage
     assert has_passage(circles, start, goal, clearance, AREA)
+    # the guidance agrees: 5 mm is the least that it keeps beyond a margin
+    problem = kl.NavigationProblem(margin=FAMILIES[family].passage - 0.005)
+    asked = replace(request(start, goal, circles[:, :3]), inflation=problem.inflation)
+    assert isinstance(found(GridPlanner(problem, GuidanceOptions()), asked), Path)
 
 
 # -- the check of the passage

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from path_requests import request
+from path_requests import found, request
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.capabilities import follows_poses
@@ -22,11 +22,7 @@ ALL = [CAR, Car(0.4, reverse=False), Omni(), Differential()]
 
 
 def search(wheels, asked, problem=PROBLEM, quanta=1):
-    planner = FieldPlanner(problem, wheels)
-    planner.begin(asked)
-    while planner.path() is None:
-        assert planner.advance(quanta) >= 1
-    return planner.path()
+    return found(FieldPlanner(problem, wheels), asked, quanta)
 
 
 def curvature(path):

@@ -136,6 +136,18 @@ def test_a_tolerance_that_is_asked_for_moves_all_that_is_decided_near_the_goal()
     assert near.pushed_distance == QUIET.pushed_distance and near.enter_distance < 0.003
 
 
+def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None:
+    """With noisy poses and a model that knows of neither: steps until it has held for a second."""
+
+    def steps(asked: tuple[float, float] | None) -> int:
+        problem = kl.NavigationProblem(**AREA, goal_tolerance=asked, du_max=(1.0, 4.0))
+        step, _, away = until_held(problem, 0.12, (0.006, 0.006, 0.01), 10, 300)
+        assert away < 0.06 or step == 300
+        return step
+
+    assert steps((0.05, 0.15)) < steps(None)
+
+
 def until_held(
     problem: kl.NavigationProblem,
     dead_time: float,

@@ -1,15 +1,16 @@
 """Paths of robots that turn on the spot: exact around one obstacle, clear of many, or none."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
-from path_requests import request
+from path_requests import found, request
 
 import kmpc_lite as kl
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.grid_planner import NO_WAY, GridPlanner
-from kmpc_lite.control.path.planner import Path, PathRequest
+from kmpc_lite.control.path.planner import Path
 from kmpc_lite.control.path.timed_path import TimedPath
 
 PROBLEM = kl.NavigationProblem()
@@ -18,20 +19,15 @@ WIDE = 0.06
 SPEED = np.array([0.6, 0.7])
 
 
-def asked(start, goal, circles=(), solids=(), area=math.inf) -> PathRequest:
-    return request(start, goal, circles, solids, area=area, turn=SPEED[1])
+ASKED = partial(request, area=math.inf, turn=SPEED[1])
 
 
-def found(asked_for: PathRequest):
-    planner = GridPlanner(PROBLEM, GuidanceOptions())
-    planner.begin(asked_for)
-    while (answer := planner.path()) is None:
-        planner.advance(1)
-    return answer
+def search(asked) -> Path | str:
+    return found(GridPlanner(PROBLEM, GuidanceOptions()), asked)
 
 
 def test_around_one_circle_a_path_is_two_tangents_and_an_arc() -> None:
-    path = found(asked((-2, 0.05, 0), (2, 0.05, 0), [(0, 0, 0.3)]))
+    path = search(ASKED((-2, 0.05, 0), (2, 0.05, 0), [(0, 0, 0.3)]))
     assert isinstance(path, Path)
     radius = 0.3 + PROBLEM.inflation + WIDE
     away = math.hypot(2, 0.05)
@@ -51,8 +47,8 @@ def test_a_path_keeps_its_clearance_and_ends_in_the_poses_asked_for(seed: int) -
     cells = random.random((20, 20)) < 0.03
     start, goal = (-0.6, -0.6, random.uniform(-3, 3)), (4.6, 4.6, random.uniform(-3, 3))
     grid = kl.OccupancyGrid(cells * 100, 0.1, (1.0, 1.0, 0.3))
-    asking = asked(start, goal, circles, [*solids, grid])
-    path = found(asking)
+    asking = ASKED(start, goal, circles, [*solids, grid])
+    path = search(asking)
     assert isinstance(path, Path)
     np.testing.assert_allclose(path.poses[0], start, atol=1e-9)
     np.testing.assert_allclose(path.poses[-1, :2], goal[:2], atol=1e-9)
@@ -67,22 +63,22 @@ def test_a_path_keeps_its_clearance_and_ends_in_the_poses_asked_for(seed: int) -
 def test_of_two_passages_the_wide_one_is_taken_and_the_narrow_one_where_there_is_no_other() -> None:
     half = PROBLEM.inflation + 0.2 * WIDE
     wall = [kl.Wall(0, -9, 0, -half), kl.Wall(0, half, 0, 0.4), kl.Wall(0, 1.1, 0, 9)]
-    path = found(asked((-1, 0, 0), (1, 0, 0), (), wall, area=8.0))
+    path = search(ASKED((-1, 0, 0), (1, 0, 0), (), wall, area=8.0))
     assert path.clearance == pytest.approx(WIDE)
     wall[2] = kl.Wall(0, 0.4, 0, 9)
-    path = found(asked((-1, 0, 0), (1, 0, 0), (), wall, area=8.0))
+    path = search(ASKED((-1, 0, 0), (1, 0, 0), (), wall, area=8.0))
     assert 0.0 < path.clearance < WIDE
     assert np.abs(path.poses[:, 1]).max() < 0.05
     wall[0] = kl.Wall(0, -9, 0, half)
-    assert found(asked((-1, 0, 0), (1, 0, 0), (), wall, area=8.0)) == NO_WAY
+    assert search(ASKED((-1, 0, 0), (1, 0, 0), (), wall, area=8.0)) == NO_WAY
 
 
 def test_what_lies_far_away_makes_the_grid_no_coarser() -> None:
     half = PROBLEM.inflation + 2 * WIDE
     wall = [kl.Wall(0, -4, 0, -half), kl.Wall(0, half, 0, 4)]
     far = np.column_stack([np.linspace(-900, 900, 50), np.full(50, 900.0), np.full(50, 0.2)])
-    path = found(asked((-1, 0, 0), (1, 0, 0), far, wall))
+    path = search(ASKED((-1, 0, 0), (1, 0, 0), far, wall))
     assert np.abs(path.poses[:, 1]).max() < 0.05
     # a wall that is longer than what is looked at first is driven around
-    path = found(asked((-1, 0, 0), (1, 0, 0), (), [kl.Wall(0, -40, 0, 9)]))
+    path = search(ASKED((-1, 0, 0), (1, 0, 0), (), [kl.Wall(0, -40, 0, 9)]))
     assert path.poses[:, 1].max() > 9.0
