@@ -8,6 +8,7 @@ written.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import sys
@@ -18,7 +19,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,8 @@ from firmware_bridge.robot_file import load_robot
 from kmpc_lab import Run, drive
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.recording.simulated import SimulationRecorder
-from kmpc_lab.studies.records import RecordFile
+from kmpc_lab.studies.drive import DriveResult
+from kmpc_lab.studies.study import read_records
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.formats.mcap import MAGIC
 from kmpc_lite.learn.formats.readers import read_log
@@ -148,9 +150,17 @@ def _link_log(path: Path) -> None:
 def _records(path: Path) -> None:
     text = path.read_bytes()
     try:
-        RecordFile(path, lambda record: (record["seed"], float(record["time"])), "a drive").read()
+        read_records(path, "jumps")
     finally:
         path.write_bytes(text)  # what was torn off its end is cut off on purpose
+
+
+def _record() -> bytes:
+    """A line of a study's records."""
+    names = [f.name for f in fields(DriveResult) if f.name not in ("axes", "more", "trace")]
+    row = {**dict.fromkeys(names, 1.0), "axes": ["heading"], "more": {"jumps": 2.0}}
+    line = {"study": "jumps", "asked": ["heading", 0.3, 1], "row": row}
+    return json.dumps(line).encode() + b"\n"
 
 
 def _key(path: Path) -> None:
@@ -263,7 +273,7 @@ def make_readers(folder: Path) -> dict[str, Reader]:
         ),
         "robot": Reader({"robot.toml": ROBOT.encode()}, _robot),
         "tlog": Reader({"drive.tlog": _tlog()}, _link_log),
-        "records": Reader({"records.jsonl": 3 * b'{"seed": 1, "time": 2.5}\n'}, _records),
+        "records": Reader({"records.jsonl": 3 * _record()}, _records),
         "key": Reader({"signing.key": 32 * b"ab" + b"\n"}, _key),
     }
 

@@ -5,9 +5,9 @@ from kmpc_lab.sim.maps.families import has_passage, random_map
 from kmpc_lab.sim.pedestrians import Pedestrians, Walks
 from kmpc_lab.studies.any_robot import Robot, random_robot
 from kmpc_lab.studies.any_robot import learn as learn_robot
-from kmpc_lab.studies.conditions import Condition
 from kmpc_lab.studies.jumps import Jumps
-from kmpc_lab.studies.real_robots import RealPlant, real_robot
+from kmpc_lab.studies.maps import Condition
+from kmpc_lab.studies.real import RealPlant, real_robot
 from kmpc_lab.studies.sight.worlds import course_of as sight_course
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.scenario.files import Scenario

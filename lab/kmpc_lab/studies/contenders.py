@@ -60,14 +60,6 @@ class Contender:
             return f"{self.solver} is not installed"
         return ""
 
-    @property
-    def simulate_words(self) -> tuple[str, ...] | None:
-        """What makes ``kmpc simulate`` drive this controller; None if no option does."""
-        if self.form != "full" or self.solver != "osqp" or self.adaptation is True:
-            return None
-        words: tuple[str, ...] = ("--margin", repr(self.margin)) if self.margin else ()
-        return words if self.adaptation is None else (*words, "--no-adaptation")
-
     def build(self, model: KoopmanModel, scenario: Scenario) -> Any:
         """Make the controller for a scenario: its problem, with the contender's margin."""
         problem = replace(scenario.problem(), margin=self.margin)

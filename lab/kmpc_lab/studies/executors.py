@@ -1,8 +1,6 @@
 """What runs a study: processes of this machine, or a Dask cluster.
 
-Every task is a function of its arguments alone, so that rows are the same to the last bit
-whatever runs them (but for the step times in them, which a clock measures). Rows that are done are
-in the records, whatever happens to a worker.
+Rows that are done are in the records, whatever happens to a worker.
 """
 
 from __future__ import annotations
@@ -14,10 +12,11 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 from kmpc_lite.errors import KmpcError
 
+Key = TypeVar("Key")
 ANSWER = 10.0
 """How long a cluster may take to answer, and to have a worker [s]."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -68,22 +67,17 @@ def executor(workers: int | None = None, cluster: str | None = None) -> Iterator
     local.shutdown()
 
 
-def gather(jobs: Mapping[Future[Any], Callable[[Any], None]]) -> None:
-    """Hand every result over as it comes.
+def gather(jobs: Mapping[Future[Any], Key], keep: Callable[[Key, Any], None]) -> None:
+    """Hand every result over as it comes, with the key of its future.
 
     What else is being driven is kept before the first worker's error ends the study.
-
-    Parameters
-    ----------
-    jobs : mapping
-        What takes the result, by the future that gives it.
     """
     first_error: BaseException | None = None
     for job in as_completed(jobs):
         if (error := job.exception()) is not None:
             first_error = first_error or error
         else:
-            jobs[job](job.result())
+            keep(jobs[job], job.result())
     if isinstance(first_error, BrokenProcessPool):
         raise WorkerLost(
             "a worker process was killed, or ran out of memory: with --records rows that are done "

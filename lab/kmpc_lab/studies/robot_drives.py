@@ -1,31 +1,35 @@
-"""Drives of robots that the controller was not tuned for, over random maps of their sizes."""
+"""Studies ``anyrobot`` and ``scales``: robots that nobody tuned for, over maps of their sizes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import product
 
 import numpy as np
 
 from kmpc_lab.sim.maps.families import random_map
-from kmpc_lab.studies import drive_results
-from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn, random_robot
+from kmpc_lab.studies.any_robot import (
+    KNOWN,
+    ODD,
+    SCALES,
+    STANDARD,
+    Robot,
+    RobotPlant,
+    learn,
+    random_robot,
+    scaled,
+)
 from kmpc_lab.studies.any_wheels import CarRobot, Moves, OmniRobot, draw_car, draw_omni
-from kmpc_lab.studies.drive_results import Column, DriveResult, circle_gaps, closed_loop, count_of
-from kmpc_lab.studies.records import Work
+from kmpc_lab.studies.drive import DriveResult, circle_gaps, drive_past
+from kmpc_lab.studies.table import DRIVES, STOPPED, TIME, Column, count_of
+from kmpc_lite.cli.extras import need
 from kmpc_lite.control import Circle, Controller
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.types import Array
 
-COLUMNS = (
-    *drive_results.DRIVES,
-    Column("held elsewhere", "d", count_of("held_elsewhere")),
-    drive_results.TIME,
-    drive_results.STOPPED,
-)
+COLUMNS = (*DRIVES, Column("held elsewhere", "d", count_of("held_elsewhere")), TIME, STOPPED)
+ROBOTS = {r.name: r for r in (*(scaled(STANDARD, by) for by in SCALES), *KNOWN, *ODD)}
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,20 @@ def course_of(robot: Robot | CarRobot | OmniRobot, seed: int, family: str = "ope
     )
 
 
+def judge(seed: int, controller: Controller, plant: Moves, course: Course) -> DriveResult:
+    """Drive over a course, and judge by the true poses."""
+    return drive_past(
+        controller,
+        plant.drive,
+        (course.start, course.goal),
+        course.circles,
+        circle_gaps(controller.problem, course.circles),
+        (course.ideal, 8.0 * course.ideal + 20.0),
+        spread=course.spread,
+        seed=seed,
+    )
+
+
 def drive(
     robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None
 ) -> DriveResult:
@@ -67,76 +85,36 @@ def drive(
     model = learn(robot, seed) if model is None else model
     course = course_of(robot, seed, family)
     controller = Controller(model, robot.problem(course.side))
-    return judge(robot.name, seed, controller, RobotPlant(robot, seed), course)
+    return judge(seed, controller, RobotPlant(robot, seed), course)
 
 
-def drive_wheels(robot: CarRobot | OmniRobot, seed: int) -> DriveResult:
-    """Learn a car or an omni from its own log and drive it over one random map of its size."""
+def drive_named(name: str, seed: int) -> DriveResult:
+    """Drive one of `ROBOTS`; the seed is that of map, slip and noise."""
+    return drive(ROBOTS[name], seed)
+
+
+def drive_random(wheels: str, seed: int) -> DriveResult:
+    """Draw a robot on some wheels, learn it and drive it over one random map of its size."""
+    if wheels in ("differential", "round"):
+        return drive(random_robot(seed, wheels == "differential"), seed)
+    robot = _drawn(wheels, seed)
     course = course_of(robot, seed)
     ready, half = robot.ready(seed), 0.5 * course.side
     area = np.array((half, half, np.inf))
     problem = replace(ready.problem, x_min=-area, x_max=area)
-    return judge(robot.name, seed, Controller(ready.model, problem), ready.plant, course)
-
-
-def judge(
-    name: str, seed: int, controller: Controller, plant: Moves, course: Course
-) -> DriveResult:
-    """Drive over a course, and judge by the true poses."""
-    task = drive_results.Drive(
-        course.start,
-        course.goal,
-        course.ideal,
-        8.0 * course.ideal + 20.0,
-        lambda pose: course.circles,
-        circle_gaps(controller.problem, course.circles),
-        course.spread,
-    )
-    return closed_loop((name,), seed, controller, plant.drive, task)
-
-
-def drive_random(seed: int, shapes: bool = True, wheels: str = "differential") -> DriveResult:
-    """Draw a robot, learn it and drive it; `shapes`: whether it may be one that is not round."""
-    if wheels != "differential":
-        return drive_wheels(_drawn(wheels, seed), seed)
-    robot = random_robot(seed, shapes)
-    name = "any robot" if robot.footprint is None else "not round"
-    return replace(drive(robot, seed), axes=(name,))
+    return judge(seed, Controller(ready.model, problem), ready.plant, course)
 
 
 def _drawn(wheels: str, seed: int) -> CarRobot | OmniRobot:
     """Draw a robot on other wheels, or one of the digital twin."""
-    if wheels in ("twin-car", "twin-omni"):
+    if wheels.startswith("twin-"):
         from kmpc_lab.studies import any_twin  # needs MuJoCo
 
         return (any_twin.twin_car if wheels == "twin-car" else any_twin.twin_omni)(seed)
     return (draw_car if wheels == "car" else draw_omni)(seed)
 
 
-def study(
-    name: str, robots: Sequence[Robot], seeds: Sequence[int], work: Work
-) -> list[DriveResult]:
-    """Drive every robot over the maps of all seeds; rows in this order.
-
-    Seeds are those of maps, slip and noise; a robot that is learned is learned anew for each.
-    """
-    one = partial(_drive_named, {robot.name: robot for robot in robots})
-    wanted = product([robot.name for robot in robots], seeds)
-    return work.rows(name, wanted, one, DriveResult)
-
-
-def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> DriveResult:
-    return drive(robots[name], seed)
-
-
-def study_random(
-    seeds: Sequence[int], shapes: bool, wheels: Sequence[str], work: Work
-) -> list[DriveResult]:
-    """Drive a robot drawn at random for each seed; `shapes` and `wheels` as for `drive_random`."""
-    wanted = ((seed, shapes, kind) for kind in wheels for seed in seeds)
-    return work.rows("anyrobot", wanted, drive_random, DriveResult)
-
-
-def format_rows(rows: Sequence[DriveResult]) -> str:
-    """Table with a row a robot, then every drive that did not end in pose."""
-    return drive_results.table(rows, COLUMNS, "map")
+def prepare(values: Sequence[Sequence[object]]) -> None:
+    """See that the digital twin can be driven where it is asked for."""
+    if any(str(kind).startswith("twin-") for kind in values[0]):
+        need("the digital twin", "mujoco")

@@ -36,5 +36,5 @@ def test_a_robot_that_is_not_round_is_judged_by_its_outline() -> None:
     )
     in_it = [kl.Circle(*corner, 0.02)]
     controller = kl.Controller(kl.nominal_unicycle(0.1), robot.problem(course.side))
-    touched = judge("x", 1, controller, RobotPlant(robot, 1), replace(course, circles=in_it))
+    touched = judge(1, controller, RobotPlant(robot, 1), replace(course, circles=in_it))
     assert touched.collided

@@ -7,22 +7,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor
+from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from executors import Inline
 
-from kmpc_lab.studies.contenders import Contender
+from kmpc_lab.studies.catalogue import STUDIES
+from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.executors import WorkerLost, executor, gather
-from kmpc_lab.studies.random_maps import maps_study
-from kmpc_lab.studies.records import Work
+from kmpc_lab.studies.study import Work, drive_one
 
-SMALL = {"episodes": 6, "steps": 30}
-LEARNED = Contender("learned", "paper", margin=0.02)
+SCALES = STUDIES["scales"]
+ASKED = SCALES.asked([("x1", "1 s, N 10")], (3, 4))
 
 
 def double(value: int) -> int:
@@ -38,9 +37,8 @@ def die(_: int) -> int:
     return 0
 
 
-def study(runner: Executor, **options: Any) -> list[dict[str, Any]]:
-    rows = maps_study([LEARNED], Work(runner), slips=(0.1,), maps=2, training=SMALL, **options)
-    return [{key: row[key] for key in row if "step" not in key} for row in rows]
+def untimed(rows: list[DriveResult]) -> list[DriveResult]:
+    return [replace(row, step_p50=0.0, step_p99=0.0) for row in rows]
 
 
 # -- processes of this machine
@@ -49,17 +47,17 @@ def study(runner: Executor, **options: Any) -> list[dict[str, Any]]:
 def test_an_error_comes_out_and_the_rest_is_kept() -> None:
     kept: list[int] = []
     with pytest.raises(ValueError, match="no 1"), executor(1) as runner:
-        jobs = {runner.submit(fail, 1): kept.append}
-        jobs |= {runner.submit(double, value): kept.append for value in range(3)}
-        gather(jobs)
+        jobs = {runner.submit(fail, 1): 1}
+        jobs |= {runner.submit(double, value): value for value in range(3)}
+        gather(jobs, lambda _, result: kept.append(result))
     assert sorted(kept) == [0, 2, 4]
 
 
 def test_a_process_that_is_killed_is_reported_with_the_way_on_and_what_is_done_is_kept() -> None:
     kept: list[int] = []
     with pytest.raises(WorkerLost, match="--resume"), executor(1) as runner:
-        gather({runner.submit(double, 1): kept.append})
-        gather({runner.submit(die, 0): kept.append})
+        gather({runner.submit(double, 1): 1}, lambda _, result: kept.append(result))
+        gather({runner.submit(die, 0): 0}, lambda _, result: kept.append(result))
     assert kept == [2]
 
 
@@ -124,8 +122,8 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 def test_rows_are_the_same_whatever_runs_them(scheduler: str) -> None:
-    here = study(Inline())
+    here = untimed([drive_one(SCALES, asked) for asked in ASKED])
     with executor(2) as processes:
-        assert study(processes) == here
+        assert untimed(Work(processes).rows(SCALES, ASKED)) == here
     with executor(cluster=scheduler) as cluster:
-        assert study(cluster) == here
+        assert untimed(Work(cluster).rows(SCALES, ASKED)) == here

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kmpc_lab.studies.parking.cars import random_car
-from kmpc_lab.studies.parking.drives import drive, format_rows, judge
+from kmpc_lab.studies.parking.drives import drive, judge
 from kmpc_lab.studies.parking.scenes import KINDS, Scene, scene_of
 from kmpc_lite.control import Polygon
 from kmpc_lite.scenario.touch import footprint_gaps
@@ -34,6 +34,5 @@ def test_a_car_parks_in_the_open_and_a_touch_is_seen() -> None:
     car = random_car(4)
     half = 0.1 * car.length
     on_it = Polygon([(-half, -half), (half, -half), (half, half), (-half, half)])
-    touched = judge("open", 4, car, Scene(np.zeros(3), np.array((1.0, 0.0, 0.0)), [on_it]))
+    touched = judge(4, car, Scene(np.zeros(3), np.array((1.0, 0.0, 0.0)), [on_it]))
     assert touched.collided and not touched.arrived
-    assert "open, car 4: touched" in format_rows([row, touched])

@@ -13,7 +13,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite
-from kmpc_lab.cli.study import maps
+from kmpc_lab.studies import catalogue
 from kmpc_lite.cli.command import (
     ENTRY_POINTS,
     LAB,
@@ -31,7 +31,7 @@ ROBOTS, LABS = (
 )
 COMMANDS = {**ROBOTS["entry-points"][ENTRY_POINTS], **LABS["entry-points"][ENTRY_POINTS]}
 EVERY = sorted(COMMANDS)
-STUDIES = ("table1", *maps.STUDIES, "faults")
+STUDIES = (*catalogue.STUDIES, "faults")
 
 
 def install(monkeypatch: pytest.MonkeyPatch, commands: dict[str, str]) -> None:
@@ -127,14 +127,6 @@ def test_where_the_lab_is_not_installed_its_commands_say_so(
     out, err = capsys.readouterr()
     assert words in err and err.count("\n") == 1 and out == ""
     assert words.startswith("kmpc ") or ("kmpc-lab" in err) == ("kmpc-lab" in words)
-
-
-def test_the_tables_of_names_are_those_of_the_sources() -> None:
-    from kmpc_lab.sim.maps.families import FAMILIES
-    from kmpc_lab.studies.conditions import STUDIES as CATALOGUE
-
-    assert list(maps.FAMILIES) == list(FAMILIES)
-    assert set(maps.STUDIES) == set(CATALOGUE)
 
 
 def brought(line: str) -> str:

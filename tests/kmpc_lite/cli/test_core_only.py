@@ -54,6 +54,7 @@ def test_a_missing_extra_is_reported_before_anything_is_done(tmp_path: Path) -> 
         "bench --picture bench.png": "kmpc-lab[plot]",
         "study table1": "kmpc-lab[peers]",
         "study maps": "kmpc-lab[peers]",
+        "study jumps --drives 1 --picture worst.png": "kmpc-lab[plot]",
         "emulate mavlink --link pty:link": "kmpc-lite[bridge]",
         "emulate mavlink --link pty:link --physics mujoco": "kmpc-lite[bridge]",
         "check --driver mavlink --link pty:link": "kmpc-lite[bridge]",

@@ -135,6 +135,5 @@ def test_a_pedestrian_given_and_seen_counts_once_and_leaves_no_marks_on_the_map(
 
 
 def test_a_drive_among_pedestrians_attributes_each_contact() -> None:
-    found = pedestrians.drive(4, True, "zero", 5)
-    assert found.counts.driven_into == 0
-    assert found.counts.steps == len(found.statuses) == len(found.poses) - 1
+    row = pedestrians.drive(4, "turning", "zero", 5)
+    assert row.arrived and not row.collided and row.more["driven_into"] == 0

@@ -12,8 +12,8 @@ from kmpc_lab.studies.parking.cars import DrawnCar
 from kmpc_lite.control import Polygon, Wall
 from kmpc_lite.types import Array
 
-GAPS = (1.2, 1.25, 1.3, 1.4, 1.5, 1.7)
-"""Parallel gaps, in lengths of the car."""
+GAPS = (1.2, 1.25, 1.3, 1.4, 1.5, 1.7, 1.35)
+"""Parallel gaps, in lengths of the car; a new one comes last, for a kind's place seeds it."""
 THIN = 0.02
 """Thickness of walls, in lengths of the car."""
 FAR = 4.0

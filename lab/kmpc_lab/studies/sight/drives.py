@@ -2,25 +2,27 @@
 
 Arrived means within 0.15 radii and 0.1 rad by the true pose, held for half a second: wider than
 where robots of any size are in pose (`in_pose`), since pursuit turns on the spot as soon as it is
-within a tenth of the radius, and may slip out of it. A collision is an overlap at any of ten looks
-a period.
+within a tenth of the radius, and may slip out of it.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
 
 from kmpc_lab.sim.lidar import LidarSpec, scan_of, scan_ranges
 from kmpc_lab.studies.any_robot import KNOWN, STANDARD, Robot, RobotPlant, learn
+from kmpc_lab.studies.drive import DriveResult, Task, closed_loop, commanded
 from kmpc_lab.studies.sight.pursuit import Pursuit
 from kmpc_lab.studies.sight.seen_cells import SeenCells
 from kmpc_lab.studies.sight.worlds import Course, course_of
+from kmpc_lab.studies.table import DRIVES, SECONDS, STOPPED, Column, Rows, mean_of, median_of
 from kmpc_lite.control import Controller
-from kmpc_lite.control.plan import GoalProgress, PlanStatus
+from kmpc_lite.control.plan import GoalProgress, Plan
 from kmpc_lite.scenario.arrival import Tolerance
 from kmpc_lite.types import Array
 
@@ -37,105 +39,107 @@ BACK = 0.2
 """How far a robot must drive back for a change of gear [radii]: less is a turn on the spot."""
 
 
-@dataclass(frozen=True)
-class SightDrive:
-    """What became of one drive."""
-
-    driver: str
-    """``ours`` or ``pursuit``."""
-    robot: str
-    kind: str
-    reach: float
-    """Of the lidar [m]."""
-    seed: int
-    arrived: bool
-    collided: bool
-    seconds: float
-    clearance: float
-    gears: int
-    """Changes between forwards and backwards."""
-    stopped: float
-    """Share of steps without a plan."""
-    unseen: int
-    """Stop trajectories that enter a cell which was never seen."""
-    unreachable: int
-    """Steps in which the goal was called unreachable."""
-    step_p99: float
-    """[ms]."""
-    ended: str
+def total(name: str) -> Callable[[Rows], float]:
+    """Sum of what a study tells more."""
+    return lambda rows: sum(row.more[name] for row in rows)
 
 
-def drive(driver: str, robot_name: str, kind: str, reach: float, seed: int) -> SightDrive:
+COLUMNS = (
+    *DRIVES,
+    SECONDS,
+    Column("gears", ".1f", median_of("gears")),
+    STOPPED,
+    Column("unseen", ".0f", total("unseen")),
+    Column("unreachable", ".0f", total("unreachable")),
+    Column("p99 ms", ".1f", mean_of("step_p99")),
+)
+"""Unseen: stop trajectories that enter a cell which was never seen; unreachable: steps in which the
+goal was called so."""
+
+
+def drive(driver: str, robot_name: str, kind: str, reach: float, seed: int) -> DriveResult:
     """Drive one world with one driver."""
     robot = ROBOTS[robot_name]
-    course = course_of(kind, seed, robot.radius)
-    return SightLoop(driver, robot, course, LidarSpec(reach), seed).run(kind, seed)
+    return judge(driver, robot, course_of(kind, seed, robot.radius), LidarSpec(reach), seed)
 
 
-class SightLoop:
-    """One drive, from start to end.
+def judge(driver: str, robot: Robot, course: Course, lidar: LidarSpec, seed: int) -> DriveResult:
+    """Drive a robot with ``ours`` or ``pursuit``; the seed is of the lidar's noise and slip."""
+    eyes = (Ours if driver == "ours" else Theirs)(robot, course, lidar, seed)
+    ideal = math.hypot(*(course.goal - course.start)[:2]) / robot.speed
+    tolerance = Tolerance(NEAR * robot.radius, TURNED)
+    task = Task(
+        course.start,
+        course.goal,
+        lambda pose: bool(tolerance.met(pose, course.goal)),
+        lambda poses: course.world.clearance(poses[:, :2], np.zeros(len(poses))) - robot.radius,
+        ideal,
+        LONGEST * ideal + 40.0,
+        np.array((robot.speed, robot.turn_rate)),
+        robot.dt,
+        HELD,
+        robot.radius,
+        [course.world],
+    )
+    row = closed_loop(eyes.step, RobotPlant(robot, seed).drive, task)
+    assert row.trace is not None
+    gears = _gears(robot.dt * row.trace.commands[:, 0], BACK * robot.radius)
+    more = {"unseen": eyes.unseen, "unreachable": eyes.unreachable, "gears": gears}
+    return replace(row, peer=driver != "ours", more=more)
 
-    Parameters
-    ----------
-    driver : str
-        ``ours`` or ``pursuit``.
-    robot : Robot
-        What is driven.
-    course : Course
-        Where.
-    lidar : LidarSpec
-        What it sees with.
-    seed : int
-        Of the lidar's noise and the robot's slip.
-    """
 
-    def __init__(
-        self, driver: str, robot: Robot, course: Course, lidar: LidarSpec, seed: int
-    ) -> None:
-        self.driver, self.robot, self.course, self.lidar = driver, robot, course, lidar
+class _Eyes:
+    """What a robot with a lidar sees, and what of it was seen before."""
+
+    def __init__(self, robot: Robot, course: Course, lidar: LidarSpec, seed: int) -> None:
+        self.robot, self.course, self.lidar = robot, course, lidar
         self.random = np.random.default_rng([seed, 9])
-        self.plant = RobotPlant(robot, seed)
-        self.pose: Array = course.start.copy()
-        self.controller, self.pursuit = None, None
-        if driver == "ours":
-            model, problem = learn(robot, seed), robot.problem(course.side)
-            # what other work on the machine takes does not count
-            self.controller = Controller(model, problem, clock=process_time)
-        else:
-            self.pursuit = Pursuit(robot.radius, robot.speed, robot.turn_rate, course.side)
         self.cells = SeenCells(course.side, robot.radius)
-        self.commands: list[Array] = []
-        self.places: list[Array] = [self.pose]
-        self.statuses: list[PlanStatus] = []
-        self.times: list[float] = []
         self.unseen = self.unreachable = 0
-        self.ended = ""
 
-    def command(self) -> Array:
+    def look(self, pose: Array) -> tuple[Array, Array]:
+        """Ranges, and their directions in the robot's frame."""
+        ranges, directions = scan_ranges(self.course.world, self.lidar, pose, self.random)
+        self.cells.look(pose, ranges, directions, self.lidar.reach)
+        return ranges, directions
+
+
+class Theirs(_Eyes):
+    """Lattice search and pure pursuit."""
+
+    def __init__(self, robot: Robot, course: Course, lidar: LidarSpec, seed: int) -> None:
+        super().__init__(robot, course, lidar, seed)
+        self.pursuit = Pursuit(robot.radius, robot.speed, robot.turn_rate, course.side)
+
+    def step(self, pose: Array, number: int) -> Plan:
         """Look, and decide."""
-        lidar, pose = self.lidar, self.pose
-        ranges, directions = scan_ranges(self.course.world, lidar, pose, self.random)
-        self.cells.look(pose, ranges, directions, lidar.reach)
-        if self.controller is None:
-            assert self.pursuit is not None
-            hit = np.isfinite(ranges) & (ranges > 0.0)
-            along = pose[2] + directions[hit]
-            ends = pose[:2] + ranges[hit, None] * np.stack([np.cos(along), np.sin(along)], axis=1)
-            return self.pursuit.command(
-                pose, self.course.goal, ends, TURNS_WITHIN * self.robot.radius
-            )
-        scan = scan_of(lidar, ranges)
+        ranges, directions = self.look(pose)
+        hit = np.isfinite(ranges) & (ranges > 0.0)
+        along = pose[2] + directions[hit]
+        ends = pose[:2] + ranges[hit, None] * np.stack([np.cos(along), np.sin(along)], axis=1)
+        within = TURNS_WITHIN * self.robot.radius
+        return commanded(self.pursuit.command(pose, self.course.goal, ends, within))
+
+
+class Ours(_Eyes):
+    """The controller, with scans alone."""
+
+    def __init__(self, robot: Robot, course: Course, lidar: LidarSpec, seed: int) -> None:
+        super().__init__(robot, course, lidar, seed)
+        model, problem = learn(robot, seed), robot.problem(course.side)
+        # what other work on the machine takes does not count
+        self.controller = Controller(model, problem, clock=process_time)
+
+    def step(self, pose: Array, number: int) -> Plan:
+        """Look, and plan."""
+        scan = scan_of(self.lidar, self.look(pose)[0])
         plan = self.controller.step(pose, self.course.goal, [scan])
-        self.statuses.append(plan.status)
-        self.times.append(1e3 * plan.timing["total"])
         self.unreachable += plan.progress is GoalProgress.UNREACHABLE
         self.unseen += self.cells.enters_unseen(self._stop(pose), pose)
-        self.ended = f"{plan.progress.value}: {plan.reason}" if plan.reason else ""
-        return plan.command
+        return plan
 
     def _stop(self, pose: Array) -> Array:
         """The verified stop trajectory (T, 2) that the controller would drive now."""
-        assert self.controller is not None
         problem, state = self.controller.problem, self.controller.state
         motion, model = state.history.motion, state.model
         if motion is None:
@@ -147,40 +151,6 @@ class SightLoop:
         # the coming command was remembered already
         past = past[-model.history - 1 : -1] if model.history else past
         return model.rollout(pose, commands, past if len(past) == model.history else None)[:, :2]
-
-    def run(self, kind: str, seed: int) -> SightDrive:
-        """Drive to the end."""
-        robot, course = self.robot, self.course
-        ideal = math.hypot(*(course.goal - course.start)[:2]) / robot.speed
-        limit, inside, clearance, k = LONGEST * ideal + 40.0, 0.0, np.inf, 0
-        tolerance = Tolerance(NEAR * robot.radius, TURNED)
-        while k * robot.dt < limit and inside < HELD and clearance >= 0.0:
-            command = self.command()
-            poses = self.plant.drive(self.pose, command)
-            self.pose, k = poses[-1], k + 1
-            self.commands.append(command)
-            self.places.append(self.pose)
-            gaps = course.world.clearance(poses[:, :2], np.zeros(len(poses))) - robot.radius
-            clearance = min(clearance, float(gaps.min()))
-            inside = inside + robot.dt if tolerance.met(self.pose, course.goal) else 0.0
-        stopped = sum(s is PlanStatus.STOPPED for s in self.statuses)
-        return SightDrive(
-            self.driver,
-            robot.name,
-            kind,
-            self.lidar.reach,
-            seed,
-            inside >= HELD,
-            clearance < 0.0,
-            k * robot.dt - HELD,
-            clearance,
-            _gears(robot.dt * np.array(self.commands)[:, 0], BACK * robot.radius),
-            stopped / k,
-            self.unseen,
-            self.unreachable,
-            float(np.quantile(self.times, 0.99)) if self.times else math.nan,
-            self.ended,
-        )
 
 
 def _gears(driven: Array, least: float) -> int:

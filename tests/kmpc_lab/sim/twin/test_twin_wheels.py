@@ -119,5 +119,5 @@ def test_a_board_for_other_wheels_is_refused():
 @pytest.mark.long
 @pytest.mark.parametrize("wheels", ["twin-car", "twin-omni"])
 def test_it_is_learned_from_its_log_and_arrives(wheels):
-    row = drive_random(12, wheels=wheels)
+    row = drive_random(wheels, 12)
     assert row.arrived and not row.collided

@@ -1,15 +1,13 @@
 """The study of clutter: its worlds, the public files, its metric and its drivers."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kmpc_lab.sim.maps.families import has_passage
-from kmpc_lab.studies.clutter import drivers, drives
-from kmpc_lab.studies.clutter.drivers import CONDITIONS, SIZE, Ours, Theirs
-from kmpc_lab.studies.clutter.drives import ClutterLoop, format_rows
+from kmpc_lab.studies.clutter import drives
+from kmpc_lab.studies.clutter.drives import CONDITIONS, SIZE
 from kmpc_lab.studies.clutter.worlds import (
     draw_field,
     draw_moving,
@@ -76,19 +74,14 @@ def test_moving_cylinders_keep_their_pace_and_begin_apart() -> None:
 def test_drivers_go_round_a_few_cylinders(driver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     world = of_places("easy", np.array([*YARD, (-2.325, 6.075), (-2.475, 6.075), (-1.875, 8.075)]))
     assert world is not None
-    monkeypatch.setattr(drivers, "model_of", lambda _: nominal_unicycle(drivers.JACKAL.dt))
-    given = replace(CONDITIONS["noisy"], late=0)
-    drives_it = Ours(world, given) if driver == "ours" else Theirs(driver, world)
-    arrived, collided, seconds = ClutterLoop(drives_it, world, given, 1).run()
-    assert arrived and not collided
+    monkeypatch.setattr(drives, "model_of", lambda *_: nominal_unicycle(drives.JACKAL.dt))
+    row = drives.judge(driver, world, CONDITIONS["noisy"], 1)
+    assert row.arrived and not row.collided
     # nine metres at 2 m/s with a ramp, or at 1 m/s
-    assert seconds < (13.0 if driver == "pursuit" else 9.0)
+    assert row.seconds < (13.0 if driver == "pursuit" else 9.0)
 
 
 def test_the_score_is_half_a_point_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drives, "world_of", lambda *_: of_places("free", np.array(YARD)))
-    row = drives.drive("dwa", "exact", 0, False, "", 0)
-    assert row.arrived and row.score == 0.5 and row.seconds < 10.0
-    lost = replace(row, arrived=False, score=0.0)
-    text = format_rows([row, lost])
-    assert " 0.2500 " in text and "exact, dwa, world free: out of time" in text
+    row = drives.drive("field", "exact", "dwa", 0)
+    assert row.arrived and row.more["score"] == 0.5 and row.seconds < 10.0 and row.peer

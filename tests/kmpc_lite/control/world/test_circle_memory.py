@@ -1,14 +1,18 @@
 """Circles out of `sensor_range` are remembered by a robot that turns back from them."""
 
 import copy
+import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.peers.paper import AREA
 from kmpc_lab.sim.maps.families import random_map
-from kmpc_lab.studies.sight import circles as study
+from kmpc_lab.sim.plants.robots import DifferentialDrive
+from kmpc_lab.studies.drive import circle_gaps, drive_past
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.world.tracking import Tracking
@@ -102,8 +106,31 @@ def controller(problem: kl.NavigationProblem = PROBLEM) -> kl.Controller:
 
 def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:
     # a circle beside each of them makes the other one quicker
-    drive = study.drive(0.6, 1.0, 907)
-    assert drive.arrived and not drive.collided and drive.seconds < 2.0 * drive.all_told
+    reach, scenario = 1.0, random_map("open", 907)
+    circles = list(scenario.circles)
+    area = {**AREA, "du_max": (1.5, 5.0)}
+    turn = math.pi / 4
+    problem = kl.NavigationProblem(**area, u_min=(-0.6, -turn), u_max=(0.6, turn))
+
+    def seconds(problem: kl.NavigationProblem, reach: float) -> float:
+        def seen(pose: Array) -> list[kl.Circle]:
+            return [c for c in circles if math.dist(c[:2], pose[:2]) - c.radius - 0.15 <= reach]
+
+        plant, ends = DifferentialDrive(seed=907), (scenario.start, scenario.goal)
+        row = drive_past(
+            controller(problem),
+            lambda pose, command: plant.trace(pose, command, 0.1, 4),
+            (np.array(ends[0]), np.array(ends[1])),
+            circles,
+            circle_gaps(problem, circles),
+            (1.0, 60.0),
+            seen,
+        )
+        assert row.arrived and not row.collided
+        return row.seconds
+
+    all_told = seconds(problem, math.inf)
+    assert seconds(replace(problem, sensor_range=reach), reach) < 2.0 * all_told
 
 
 def test_the_memory_copies_and_pickles_with_the_state() -> None:

@@ -9,7 +9,7 @@ speeds the motors' lag is not in it, and is added. Judged by the true pose.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,9 +18,10 @@ from typing import Literal
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot
-from kmpc_lab.studies.drive_results import DriveResult
-from kmpc_lab.studies.records import Work
+from kmpc_lab.studies.drive import DriveResult
+from kmpc_lab.studies.robot_drives import COLUMNS as OF_ROBOTS
 from kmpc_lab.studies.robot_drives import course_of, judge
+from kmpc_lab.studies.table import Column, mean_of
 from kmpc_lite.control import Controller
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.errors import DataError
@@ -77,6 +78,14 @@ RECIPES = (
     Recipe("no lags, adapted", None, adapts=True),
     Recipe("lags 0 1 2 3", (0, 1, 2, 3)),
     Recipe("lags 0 1 2 3, adapted", (0, 1, 2, 3), adapts=True),
+)
+
+COLUMNS = (
+    *OF_ROBOTS,
+    Column("margin ahead [m]", ".3f", mean_of("ahead")),
+    Column("aside [m]", ".3f", mean_of("aside")),
+    Column("error 0.5 s ahead [m]", ".3f", mean_of("error")),
+    Column("within 95 %", ".1%", mean_of("within")),
 )
 
 
@@ -179,46 +188,20 @@ def real_robot(log: Path, radius: float, speed: float, turn_rate: float) -> Real
     return RealRobot(Robot(log.stem, radius, speed, turn_rate), log)
 
 
-@dataclass(frozen=True)
-class Width:
-    """How wide the margins of a recipe's model are, and what they hold."""
+@lru_cache(maxsize=len(RECIPES))
+def widths(real: RealRobot, lags: Lags) -> dict[str, float]:
+    """How wide the margins of a model are, and what they hold of driving that nothing saw.
 
-    recipe: str
-    ahead: float
-    """Margin ahead at 1 m/s, headway aside [m]."""
-    aside: float
-    """The same to the side [m]."""
-    error: float
-    """Root mean square of the position's error 0.5 s ahead, on driving that nothing saw [m]."""
-    coverage: float
-    """Share of that driving which stays within the tube of 95 %."""
-
-    def __str__(self) -> str:
-        """In one line."""
-        return (
-            f"{self.recipe:22} {100 * self.ahead:6.1f} {100 * self.aside:6.1f} "
-            f"{100 * self.error:8.1f} {100 * self.coverage:9.1f} %"
-        )
-
-
-WIDTHS = f"{'at 1 m/s, 95 %':22} {'ahead':>6} {'aside':>6} {'0.5 s':>8} {'within':>11}   [cm]"
-
-
-def widths(real: RealRobot) -> list[Width]:
-    """Margins of every recipe, and whether they hold on the half that nothing was fitted to."""
-    found = []
-    for recipe in RECIPES:
-        if recipe.adapts:
-            continue
-        model, its = _learn(real, recipe.lags)
-        problem = real.robot.problem(20.0 * real.robot.radius)
-        margins = Margins(model, problem)
-        ahead, aside = margins.straight(1.0)
-        errors, _ = prediction_errors(model, its, AHEAD)
-        error = float(np.sqrt((errors[:, -1, :2] ** 2).sum(axis=1).mean()))
-        within = float((scores(model, its) <= margins.noise.quantile).mean())
-        found.append(Width(recipe.name, ahead, aside, error, within))
-    return found
+    Ahead and aside at 1 m/s [m], the error of a position 0.5 s ahead [m], and the share of the
+    driving within the tube of 95 %.
+    """
+    model, its = _learn(real, lags)
+    margins = Margins(model, real.robot.problem(20.0 * real.robot.radius))
+    ahead, aside = margins.straight(1.0)
+    errors, _ = prediction_errors(model, its, AHEAD)
+    error = float(np.sqrt((errors[:, -1, :2] ** 2).sum(axis=1).mean()))
+    within = float((scores(model, its) <= margins.noise.quantile).mean())
+    return {"ahead": float(ahead), "aside": float(aside), "error": error, "within": within}
 
 
 @lru_cache(maxsize=len(RECIPES))
@@ -243,29 +226,14 @@ def _plant_model(real: RealRobot) -> tuple[KoopmanModel, Robot]:
     return truth, replace(real.robot, noise=spread, turn_gain=gain)
 
 
-def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> DriveResult:
+def drive(log: str, radius: float, speed: float, turn: float, name: str, seed: int) -> DriveResult:
     """Learn from one half, and drive over the map of a seed on a plant of the other half."""
+    real = real_robot(Path(log), radius, speed, turn)
+    recipe = next(r for r in RECIPES if r.name == name)
     model, its = _learn(real, recipe.lags)
     truth, robot = _plant_model(real)
     course = course_of(robot, seed)
     problem = robot.problem(course.side)
     controller = Controller(model, problem, adaptation=recipe.adapts)
-    plant = RealPlant(truth, its, seed, MOTOR_LAG)
-    return judge(f"{robot.name}, {recipe.name}", seed, controller, plant, course)
-
-
-def study(
-    real: RealRobot, recipes: Sequence[Recipe], seeds: Sequence[int], work: Work
-) -> list[DriveResult]:
-    """Drive the models of all recipes over the same maps, with the same errors; rows in order."""
-    robot = real.robot
-    numbers = str(real.log), robot.radius, robot.speed, robot.turn_rate
-    wanted = [(*numbers, recipe.name, seed) for recipe in recipes for seed in seeds]
-    return work.rows("real", wanted, _drive_asked, DriveResult)
-
-
-def _drive_asked(
-    log: str, radius: float, speed: float, turn_rate: float, name: str, seed: int
-) -> DriveResult:
-    real = real_robot(Path(log), radius, speed, turn_rate)
-    return drive_real(real, next(r for r in RECIPES if r.name == name), seed)
+    row = judge(seed, controller, RealPlant(truth, its, seed, MOTOR_LAG), course)
+    return replace(row, more=widths(real, recipe.lags))

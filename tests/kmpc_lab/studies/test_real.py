@@ -7,7 +7,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import Robot, record
-from kmpc_lab.studies.real_robots import RECIPES, RealPlant, drive_real, real_robot
+from kmpc_lab.studies.real import RealPlant, drive
 
 SKIDDING = Robot("skidding", 0.3, 0.8, 1.0, slip=0.05, turn_gain=0.6, noise=(0.01, 0.01))
 
@@ -39,6 +39,6 @@ def test_a_plant_stands_at_zero_command_and_errs_when_it_drives(
 
 def test_it_drives_the_other_half_of_a_log_to_its_pose(tmp_path: Path, log: kl.Dataset) -> None:
     log.save(tmp_path / "skidding.csv")
-    real = real_robot(tmp_path / "skidding.csv", 0.3, 0.8, 1.0)
-    row = drive_real(real, RECIPES[0], 300)
-    assert row.arrived and not row.collided and row.axes == ("skidding, auto",)
+    row = drive(str(tmp_path / "skidding.csv"), 0.3, 0.8, 1.0, "auto", 300)
+    assert row.arrived and not row.collided
+    assert 0.0 < row.more["aside"] < 0.3 and row.more["within"] > 0.8

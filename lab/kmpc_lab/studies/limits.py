@@ -1,25 +1,22 @@
 """``kmpc study limits``: robots with real accelerations, among circles, from slow to quick ones.
 
 A row is a robot of a speed and two accelerations in a field of 15 to 25 circles, which are known,
-or reported within a reach. The controller is given the accelerations with the nominal model, or has
-learned them from a log of two minutes. In pose means within `in_pose` by the true pose for a
-second; the ideal time is that of the straight line from rest to rest, and of turns on the spot at
-its ends, with the same accelerations.
+or reported within a reach (0: all of them). The controller is given the accelerations with the
+nominal model, has learned them from a log of two minutes, or is told of none. The ideal time is
+that of the straight line from rest to rest, and of turns on the spot at its ends, with the same
+accelerations.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cache
-from itertools import product
 
 import numpy as np
 
-from kmpc_lab.studies import drive_results
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn
-from kmpc_lab.studies.drive_results import Column, DriveResult, circle_gaps, closed_loop, mean_of
-from kmpc_lab.studies.records import Work
+from kmpc_lab.studies.drive import DriveResult, circle_gaps, drive_past
+from kmpc_lab.studies.table import DRIVES, FEASIBLE, GAP, JERK, LOST, TIME, Column, mean_of
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
@@ -39,29 +36,22 @@ ROBOTS = {
     )
 }
 """Speeds, accelerations and turn accelerations."""
-KNOWS = "given", "learned"
-REACHES = 0.0, 2.0
-"""How far away circles are reported [m]; 0: all of them."""
 FASTEST_TURN = 2.0
 """[rad/s]"""
 SIDE, RADIUS = (8.0, 24.0), (0.15, 0.3)
 """Of the field and of the robot [m], up to the next speed and beyond it."""
 QUICK = 2.0
 """Speed from which on fields and robots are larger [m/s]."""
-GAP = 3.0
+APART = 3.0
 """Least gap between circles [radii of the robot]: it can drive through all of them."""
 SLIP = 0.05
 COLUMNS = (
-    *drive_results.DRIVES,
-    drive_results.TIME,
-    Column(
-        "FALLBACK, STOPPED",
-        ".1%",
-        lambda rows: float(np.mean([row.fallback + row.stopped for row in rows])),
-    ),
-    Column("FEASIBLE", ".1%", mean_of("feasible")),
-    Column("jerk", ".3f", mean_of("jerk")),
-    Column("least gap [m]", ".2f", lambda rows: min(row.clearance for row in rows)),
+    *DRIVES,
+    TIME,
+    LOST,
+    FEASIBLE,
+    JERK,
+    GAP,
     Column("fastest", ".2f", mean_of("fastest")),
 )
 
@@ -97,7 +87,7 @@ def field(robot: Robot, side: float, seed: int) -> tuple[Array, Array, Array]:
         np.array((way * half, 0.6 * half * random.uniform(-1, 1), random.uniform(-3, 3)))
         for way in (-0.8, 0.8)
     )
-    gap, circles = GAP * robot.radius, np.empty((0, 3))
+    gap, circles = APART * robot.radius, np.empty((0, 3))
     for _ in range(200 * (count := int(random.integers(15, 26)))):
         if len(circles) == count:
             break
@@ -112,7 +102,7 @@ def field(robot: Robot, side: float, seed: int) -> tuple[Array, Array, Array]:
 def problem_of(robot: Robot, side: float, knows: str, reach: float) -> NavigationProblem:
     """Problem of a row: its limits are given if they are not learned."""
     _, ramp, turn = ROBOTS[robot.name]
-    half, free = 0.5 * side, knows == "learned"
+    half, free = 0.5 * side, knows != "given"
     return NavigationProblem(
         dt=robot.dt,
         u_min=(-robot.speed, -robot.turn_rate),
@@ -159,33 +149,12 @@ def drive(name: str, knows: str, reach: float, seed: int) -> DriveResult:
         gaps = np.hypot(*(rows[:, :2] - pose[:2]).T) - rows[:, 2] - robot.radius
         return [circles[k] for k in np.flatnonzero(gaps <= (reach or np.inf))]
 
-    limit, gaps = 5.0 * ideal + 20.0, circle_gaps(problem, circles)
-    task = drive_results.Drive(start, goal, ideal, limit, seen, gaps)
-    controller = Controller(model_of(name, knows), problem)
-    axes = name, knows, f"reach {reach or math.inf:g} m"
-    return closed_loop(axes, seed, controller, RobotPlant(robot, seed).drive, task)
-
-
-def study(
-    work: Work, names: Sequence[str], seeds: Sequence[int], reaches: Sequence[float] = REACHES
-) -> list[DriveResult]:
-    """Drive all robots, with what is given and what is learned, by what is known and by sight."""
-    return work.rows("limits", product(names, reaches, KNOWS, seeds), _drive, DriveResult)
-
-
-def _drive(name: str, reach: float, knows: str, seed: int) -> DriveResult:
-    return drive(name, knows, reach, seed)
-
-
-def format_rows(rows: Sequence[DriveResult]) -> str:
-    """Table, and every drive that touched or did not end in pose."""
-    given = {(r.axes[0], r.axes[2], r.seed): r.seconds for r in rows if "given" in r.axes}
-
-    def learned_to_given(some: Sequence[DriveResult]) -> float:
-        """Median of the times to those of the same fields with limits given."""
-        pairs = ((r.seconds, given.get((r.axes[0], r.axes[2], r.seed))) for r in some if r.arrived)
-        ratios = [time / other for time, other in pairs if other]
-        return float(np.median(ratios)) if ratios else math.nan
-
-    columns = *COLUMNS, Column("to given", ".2f", learned_to_given)
-    return drive_results.table(rows, columns, "field")
+    return drive_past(
+        Controller(model_of(name, knows), problem),
+        RobotPlant(robot, seed).drive,
+        (start, goal),
+        circles,
+        circle_gaps(problem, circles),
+        (ideal, 5.0 * ideal + 20.0),
+        seen,
+    )

@@ -1,0 +1,258 @@
+"""One drive in closed loop, judged by the true poses: the loop and the account of every study.
+
+In pose means within a tolerance by the true pose, held for a time. A touch is an overlap of
+outlines at any look, ten a period; the account of it shares no code with the controller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kmpc_lab.sim.periods import periods
+from kmpc_lite.control import Circle, Controller, Footprint, NavigationProblem, Polygon, Wall
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.scenario.arrival import in_pose
+from kmpc_lite.scenario.touch import footprint_gaps
+from kmpc_lite.scenario.world import World
+from kmpc_lite.types import Array
+
+HELD = 1.0
+"""How long the robot must hold its goal [s]."""
+CREEPS = 0.02
+"""Share of its speed below which a robot has no gear."""
+
+
+class Trace(NamedTuple):
+    """What a picture shows of a drive."""
+
+    poses: Array
+    """(T + 1, 3)."""
+    commands: Array
+    """(T, m)."""
+    statuses: tuple[str, ...]
+    """(T,)."""
+    goal: Array
+    """(3,)."""
+    body: Footprint | float
+    """What the robot covers, or its radius [m]."""
+    around: Sequence[Circle | Polygon | Wall | World]
+    """What stands there."""
+    dt: float
+    """[s]."""
+
+
+@dataclass(frozen=True)
+class DriveResult:
+    """What became of one drive."""
+
+    arrived: bool
+    """In pose, and held there."""
+    collided: bool
+    seconds: float
+    """Until it was in pose, and stayed there; of one that never was, all but the time to hold."""
+    ideal_seconds: float
+    """Least time, as its study reckons it [s]."""
+    clearance: float
+    """Least one [m]."""
+    fastest: float
+    """Speed that it was commanded [m/s]."""
+    gear_changes: int
+    jerk: float
+    """RMS of the change of commands from step to step, as a share of the bounds."""
+    stopped: float
+    """Share of the steps STOPPED, ..."""
+    fallback: float
+    feasible: float
+    step_p50: float
+    """Time of a step [ms], median, and ..."""
+    step_p99: float
+    ended: str
+    """Progress that was reported at the end, and its reason."""
+    held_elsewhere: bool = False
+    peer: bool = False
+    """Whether it was driven by something that ours is compared with."""
+    more: Mapping[str, float] = field(default_factory=dict)
+    """What only its study tells."""
+    axes: tuple[str, ...] = ()
+    """Which row of its study's table it belongs to."""
+    seed: int = 0
+    trace: Trace | None = field(default=None, compare=False, repr=False)
+    """Of a drive that was not read from a record."""
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        values = {k: v for k, v in self.__dict__.items() if k != "trace"}
+        return {**values, "axes": list(self.axes), "more": dict(self.more)}
+
+    @classmethod
+    def of_record(cls, values: Mapping[str, Any]) -> DriveResult:
+        """Give what `as_record` told; TypeError or KeyError for anything else."""
+        return cls(**{**values, "axes": tuple(values["axes"]), "more": dict(values["more"])})
+
+
+@dataclass(frozen=True)
+class Task:
+    """From where, until when, among what."""
+
+    start: Array
+    """(3,)."""
+    goal: Array
+    """(3,)."""
+    there: Callable[[Array], bool]
+    """Whether a true pose (3,) is in pose."""
+    gaps: Callable[[Array], Array]
+    """Distances (n,) of the robot at poses (n, 3) of a period from the nearest obstacle [m]."""
+    ideal: float
+    """Least time, as the study reckons it [s]."""
+    limit: float
+    """Longest time [s]."""
+    full: Array
+    """Largest commands (m,)."""
+    dt: float
+    """Period [s]."""
+    held: float = HELD
+    """How long it must be in pose [s]."""
+    body: Footprint | float = 0.15
+    """As `Trace` has it, and ..."""
+    around: Sequence[Circle | Polygon | Wall | World] = ()
+
+
+def closed_loop(
+    step: Callable[[Array, int], Plan], move: Callable[[Array, Array], Array], task: Task
+) -> DriveResult:
+    """Drive until the robot has held its goal, has touched something, or is out of time.
+
+    Parameters
+    ----------
+    step : callable
+        Plans from the true pose (3,) in a period, by its number; what is measured of the pose, and
+        seen of the obstacles, is its own affair.
+    move : callable
+        Gives the poses (n, 3) to which a command leads from a pose (3,) in a period.
+    task : Task
+        What is driven.
+    """
+    dt, full = task.dt, task.full
+    inside, count, clearance, poses = 0.0, 0, math.inf, [task.start]
+    commands, statuses, times = list[Array](), list[str](), list[float]()
+    for period in periods(step, move, task.start, math.ceil(task.limit / dt)):
+        plan, moved = period.plan, period.poses
+        commands.append(plan.command)
+        statuses.append(plan.status.name)
+        times.append(plan.timing["total"])
+        poses.append(moved[-1])
+        clearance = min(clearance, float(task.gaps(moved).min(initial=math.inf)))
+        is_there = task.there(moved[-1])
+        inside, count = (inside + dt if is_there else 0.0), count + 1
+        if clearance < 0.0 or (is_there and inside >= task.held):
+            break
+    driven = np.array(commands) / full
+    gears = np.sign(driven[np.abs(driven[:, 0]) > CREEPS, 0])
+    arrived = is_there and inside >= task.held and clearance >= 0.0
+    p50, p99 = 1e3 * np.quantile(times, (0.5, 0.99))
+    return DriveResult(
+        arrived,
+        clearance < 0.0,
+        seconds=count * dt - task.held,
+        ideal_seconds=task.ideal,
+        clearance=clearance,
+        fastest=float(np.abs(driven[:, 0]).max()) * float(full[0]),
+        gear_changes=int((gears[1:] != gears[:-1]).sum()),
+        jerk=jerk(np.diff(driven, axis=0)),
+        stopped=statuses.count(PlanStatus.STOPPED.name) / count,
+        fallback=statuses.count(PlanStatus.FALLBACK.name) / count,
+        feasible=statuses.count(PlanStatus.FEASIBLE.name) / count,
+        step_p50=float(p50),
+        step_p99=float(p99),
+        ended=f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
+        held_elsewhere=plan.holding and not arrived,
+        trace=Trace(
+            np.array(poses),
+            np.array(commands),
+            tuple(statuses),
+            task.goal,
+            task.body,
+            task.around,
+            dt,
+        ),
+    )
+
+
+def drive_past(
+    controller: Controller,
+    move: Callable[[Array, Array], Array],
+    ends: tuple[Array, Array],
+    around: Sequence[Circle | Polygon | Wall],
+    gaps: Callable[[Array], Array],
+    times: tuple[float, float],
+    obstacles: Callable[[Array], Any] | None = None,
+    spread: Array | None = None,
+    seed: int = 0,
+) -> DriveResult:
+    """Drive a controller of ours from a start to a goal (3,), (3,).
+
+    Parameters
+    ----------
+    around : sequence
+        What stands there.
+    gaps : callable
+        As `Task` has it.
+    times : tuple of float
+        Least and longest time [s].
+    obstacles : callable, optional
+        What the controller is given at a true pose (3,), if not all that stands there.
+    spread : ndarray, optional
+        Standard deviations of a measured pose, (3,) [m, m, rad].
+    seed : int
+        Of what is measured.
+    """
+    problem, (start, goal) = controller.problem, ends
+    sigma = np.zeros(3) if spread is None else spread
+    random, tolerance = np.random.default_rng([seed, 7]), in_pose(problem.body_radius, sigma)
+
+    def step(pose: Array, k: int) -> Plan:
+        seen = around if obstacles is None else obstacles(pose)
+        return controller.step(pose + sigma * random.normal(size=3), goal, seen)
+
+    task = Task(
+        start,
+        goal,
+        lambda pose: bool(tolerance.met(pose, goal)),
+        gaps,
+        *times,
+        full=np.maximum(np.abs(problem.u_min), np.abs(problem.u_max)),
+        dt=problem.dt,
+        body=problem.footprint or problem.robot_radius,
+        around=around,
+    )
+    return closed_loop(step, move, task)
+
+
+def commanded(command: Array) -> Plan:
+    """Give a peer's command (m,) as a plan."""
+    nothing = np.empty((0, len(command)))
+    return Plan(command, np.empty((0, 3)), nothing, PlanStatus.SOLVED, 0, {"total": math.nan})
+
+
+def jerk(changes: Array) -> float:
+    """RMS of the changes (T, m) of commands from step to step, as shares of the bounds."""
+    return float(np.sqrt((changes**2).sum(axis=1).mean())) if len(changes) else 0.0
+
+
+def circle_gaps(problem: NavigationProblem, circles: Sequence[Circle]) -> Callable[[Array], Array]:
+    """Distances of a robot, or of its outline, from circles at rest."""
+    rows = np.array(circles, dtype=float).reshape(1, -1, 5)
+
+    def gaps(poses: Array) -> Array:
+        if problem.footprint is not None:
+            return footprint_gaps(problem.footprint, poses, rows.repeat(len(poses), axis=0), ())
+        away = np.hypot(*np.moveaxis(poses[:, None, :2] - rows[..., :2], -1, 0)) - rows[..., 2]
+        out: Array = away.min(axis=1, initial=np.inf) - problem.robot_radius
+        return out
+
+    return gaps
