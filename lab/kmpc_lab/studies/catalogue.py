@@ -131,13 +131,14 @@ STUDIES = {
         Study(
             "parking",
             "Cars of any size, speed and turning radius park in bays and along kerbs, leave dead "
-            "ends, turn round in lanes and drive in the open: time against the shortest curve of "
+            "ends, turn round in lanes and drive in the open: time against the quickest curve of "
             "Reeds and Shepp, changes of gear, and touches by the exact outline.",
             "parking.drives:drive",
             {
                 "scenes": Axis(
                     ("open", "bay", "dead end", "lane", "gap 1.2", "gap 1.25", "gap 1.3")
-                    + ("gap 1.35", "gap 1.4", "gap 1.5", "gap 1.7"),
+                    + ("gap 1.35", "gap 1.4", "gap 1.5", "gap 1.7")
+                    + ("open, forward only", "open, slow steering"),
                     "where; gaps in lengths of the car",
                 )
             },
@@ -238,6 +239,29 @@ STUDIES = {
             100,
             ("kmpc study pedestrians --drives 10", "kmpc study pedestrians --people 8 --seen told"),
             course="crowd",
+        ),
+        Study(
+            "hard",
+            "The rows in which a person at the remote would drive better, each with what is asked "
+            "of it. Fresh seeds make the table anew.",
+            "hard:drive",
+            {
+                "rows": Axis(
+                    (
+                        *("3 m/s, given", "3 m/s, learned", "3 m/s, by sight of 2 m"),
+                        *("0.5 m/s^2, untold", "clutter, exact", "clutter, noisy"),
+                        *("clutter, late", "clutter, by DWA", "clutter, by pursuit"),
+                        *("gap of 1.5 lengths", "gap of 1.35 lengths", "cars in the open"),
+                        *("cars that only drive ahead", "cars that steer slowly"),
+                        *("omnis sideways into a slot", "omnis through a door"),
+                        *("8 pedestrians, told", "8 pedestrians, lidar"),
+                    ),
+                    "by names",
+                )
+            },
+            10,
+            ("kmpc study hard --drives 5 --rows cars", "kmpc study hard --seed 930000"),
+            course="course",
         ),
         Study(
             "jumps",

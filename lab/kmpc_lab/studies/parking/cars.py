@@ -34,6 +34,8 @@ class DrawnCar:
     """Fastest change of the curvature [1/m per second]; at once if not given."""
     slip: float
     """Mean of the exponential slip ratios, drawn anew each period."""
+    reverse: bool = True
+    """Whether it may drive backwards."""
 
     @property
     def front(self) -> float:
@@ -50,7 +52,7 @@ class DrawnCar:
         turn_rate = self.speed / self.radius
         return NavigationProblem(
             dt=DT,
-            u_min=(-self.speed, -turn_rate),
+            u_min=(-self.speed if self.reverse else 0.0, -turn_rate),
             u_max=(self.speed, turn_rate),
             footprint=self.footprint,
             wheels=Car(self.radius, self.steering_rate),
