@@ -54,7 +54,8 @@ def clearances(keep, states, things, points, gaps, away):
     times = (keep.dt * np.arange(1, stages + 1)).repeat(len(points) // stages)
     distances, directions = distances_and_directions(things, points, times)
     values = [found.reshape(stages, -1) - keep.distance for found in (distances, gaps)]
-    normals = [_slopes(keep, found, points, states) for found in (directions, away)]
+    normals = [_slopes(keep, directions, points, states)]
+    normals.append(away.reshape(stages, values[1].shape[1], keep.directions))
     for distance, normal in _sides(keep, states):
         values.append(distance)
         normals.append(np.zeros((*distance.shape, keep.directions)))

@@ -105,4 +105,4 @@ class Around(NamedTuple):
     gaps: Array
     """(N E, S) distances of these from solids [m] ..."""
     away: Array
-    """(N E, S, 2) ... and directions away from them."""
+    """(N E, S, 2) ... and slopes by a pose's coordinates; (N E, S, 3) of a robot not round."""

@@ -59,7 +59,7 @@ class FillQP:
         self._footprint = problem.footprint
         circles = 1 if problem.footprint is None else len(problem.footprint.circles)
         count = circles * problem.horizon
-        self._nothing = np.empty((count, 0)), np.empty((count, 0, 2))
+        self._nothing = np.empty((count, 0)), np.empty((count, 0, self.keep_out.directions))
 
     def __call__(
         self, qp: NavigationQP, task: Task, lin: Linearization, states: Array, inputs: Array

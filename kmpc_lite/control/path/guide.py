@@ -54,6 +54,8 @@ CENTRE_CHANGE = 0.001
 CUSP_REACH = 0.012
 """How short of a change of gear a robot that follows poses goes on in the other one: what it is
 beside it, it cannot mend there [m]."""
+SEEN = 0.75
+"""Share of the horizon that a reference waits for wheels to be turned at the most."""
 ORIGIN = np.zeros(2)
 
 
@@ -256,7 +258,9 @@ class Guide:
             steering = self._wheels.steering_time(now.curvature, states, self._dt)
         state.steering = steering > self._dt
         if state.steering:
-            states = along(np.maximum(later - steering, 0.0), place, leg, heading, state.turning)
+            # wheels that take longer than is foreseen must be told what they are turned for
+            waits = min(steering, SEEN * float(later[-1]))
+            states = along(np.maximum(later - waits, 0.0), place, leg, heading, state.turning)
         return states
 
     def _evade(self, state: GuideState, now: Situation, moving: MovingObstacles) -> Array:

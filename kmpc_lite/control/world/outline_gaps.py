@@ -25,9 +25,12 @@ AT = 1e-9
 
 
 def sharpen(
-    outlines: Outlines, footprint: Footprint, poses: Array, distances: Array, normals: Array
+    outlines: Outlines, footprint: Footprint, poses: Array, distances: Array, slopes: Array
 ) -> None:
     """Let no circle be nearer to a solid than the outline that it covers; in place.
+
+    The rows of its circles are those of the points in which it comes nearest then: a corner of one
+    and an edge of the other, each with what turning does to it.
 
     Parameters
     ----------
@@ -37,13 +40,15 @@ def sharpen(
         Covered by C circles.
     poses : ndarray
         (n, 3) of the robot.
-    distances, normals : ndarray
-        Of the circles' middles from the solids, (n C, P) [m], and away from them, (n C, P, 2).
+    distances, slopes : ndarray
+        Of the circles' middles from the solids, (n C, P) [m], and by a pose's coordinates,
+        (n C, P, 3).
     """
     if not (len(outlines) and footprint.is_covered_closely):
         return
-    radius, shape = footprint.circle_radius, (len(poses), -1, len(outlines))
-    found, away = distances.reshape(shape), normals.reshape(*shape, 2)
+    count, radius = len(footprint.circles), footprint.circle_radius
+    shape = len(poses), count, len(outlines)
+    found, away = distances.reshape(shape), slopes.reshape(*shape, 3)
     least = found.min(axis=1)
     nearest = least.min(axis=1)
     # what lies in a circle in the robot touches it, and is as deep as the circles say
@@ -51,20 +56,23 @@ def sharpen(
     near = np.flatnonzero(near)
     if not len(near):
         return
-    whole, directions = outline_gaps(outlines, footprint.outline, poses[near])
+    whole, directions = outline_gaps(outlines, footprint.outline, poses[near], count)
     # what lies in the robot lies in one of the circles in it
-    whole = np.minimum(whole, least[near] - footprint.core_radius)[:, None]
+    whole = np.minimum(whole, (least[near] - footprint.core_radius)[:, None])
     whole += radius * (1.0 - KEPT)
-    farther = whole > found[near]
+    farther = (whole[:, 0] > least[near])[:, None]
     found[near] = np.where(farther, whole, found[near])
-    away[near] = np.where(farther[..., None], directions[:, None], away[near])
+    away[near] = np.where(farther[..., None], directions, away[near])
 
 
-def outline_gaps(outlines: Outlines, corners: Array, poses: Array) -> tuple[Array, Array]:
-    """Distances (n, P) of a robot from solids [m], and directions (n, P, 2) away from them.
+def outline_gaps(
+    outlines: Outlines, corners: Array, poses: Array, count: int
+) -> tuple[Array, Array]:
+    """Distances (n, count, P) of a robot from solids [m], and slopes by its pose (n, count, P, 3).
 
-    Below zero where a corner of one lies in the other. Outlines that cross without that are not
-    noticed: the circles inside the robot tell them.
+    Of the points in which they are nearest, corners of one from edges of the other, the first is
+    the robot's distance. Below zero where a corner of one lies in the other. Outlines that cross
+    without that are not noticed: the circles inside the robot tell them.
 
     Parameters
     ----------
@@ -74,28 +82,49 @@ def outline_gaps(outlines: Outlines, corners: Array, poses: Array) -> tuple[Arra
         (K, 2) of the convex outline in the robot's frame, counter-clockwise [m].
     poses : ndarray
         (n, 3) of the robot.
+    count : int
+        How many points, at most K + 1.
     """
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turns = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], axis=1)
-    places = corners @ turns + poses[:, None, :2]
-    found, normals = outlines.distances(places.reshape(-1, 2))
-    shape = len(poses), len(corners), -1
-    found, normals = found.reshape(shape), normals.reshape(*shape, 2)
-    nearest = found.argmin(axis=1)[:, None]
-    mine = np.take_along_axis(found, nearest, 1)[:, 0]
-    away = np.take_along_axis(normals, nearest[..., None], 1)[:, 0]
+    arms = corners @ turns
+    mine, away = outlines.distances((arms + poses[:, None, :2]).reshape(-1, 2))
+    shape = len(poses), len(corners), len(outlines)
+    mine, away = mine.reshape(shape), away.reshape(*shape, 2)
+    arms = np.broadcast_to(arms[:, :, None], (*shape, 2))
 
-    # corners of the solids, as the robot sees them
-    ends = outlines.begins[:, :1] + outlines.steps[:, :1]
-    others = np.concatenate([outlines.begins, ends], axis=1)
-    seen = (others - poses[:, None, None, :2]) @ turns.transpose(0, 2, 1)[:, None]
-    theirs, towards = _distances(corners, seen)
-    nearest = theirs.argmin(axis=2)[..., None]
-    theirs = np.take_along_axis(theirs, nearest, 2)[..., 0] - outlines.rounding
-    towards = np.take_along_axis(towards, nearest[..., None], 2)[:, :, 0]
-    nearer = theirs < mine
-    away = np.where(nearer[..., None], -towards @ turns, away)
-    return np.where(nearer, theirs, mine), away
+    # corners of the solids, as the robot sees them; an edge that is there again tells nothing new
+    begins = outlines.begins
+    others = np.concatenate([begins, begins[:, :1] + outlines.steps[:, :1]], axis=1)
+    again = np.zeros(others.shape[:2], dtype=bool)
+    again[:, 1:-1] = (begins[:, 1:] == begins[:, :-1]).all(axis=-1)
+    again[:, -1] = ~outlines.is_line
+    reach = others - poses[:, None, None, :2]
+    theirs, towards = _distances(corners, reach @ turns.transpose(0, 2, 1)[:, None])
+    theirs = np.where(again, np.inf, theirs - outlines.rounding[:, None])
+    found = np.concatenate([mine, theirs.swapaxes(1, 2)], axis=1)
+    away = np.concatenate([away, -(towards @ turns[:, None]).swapaxes(1, 2)], axis=1)
+    arms = np.concatenate([arms, reach.swapaxes(1, 2)], axis=1)
+    chosen = np.argsort(found, axis=1)[:, :count]
+    found, away, arms = (
+        np.take_along_axis(found, chosen, 1),
+        *(np.take_along_axis(some, chosen[..., None], 1) for some in (away, arms)),
+    )
+    return found, with_turning(away, arms)
+
+
+def with_turning(away: Array, arms: Array) -> Array:
+    """Slopes (..., 3) by a robot's pose of distances of points on it.
+
+    Parameters
+    ----------
+    away : ndarray
+        Directions in which the points leave what they are near, (..., 2).
+    arms : ndarray
+        From the robot to the points, (..., 2) [m].
+    """
+    turn = away[..., 1] * arms[..., 0] - away[..., 0] * arms[..., 1]
+    return np.concatenate([away, turn[..., None]], axis=-1)
 
 
 def _distances(corners: Array, points: Array) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ import numpy as np
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.world.boxes import GRID_COLUMNS, Boxes
 from kmpc_lite.control.world.occupancy import OccupancyGrid
-from kmpc_lite.control.world.outline_gaps import sharpen
+from kmpc_lite.control.world.outline_gaps import sharpen, with_turning
 from kmpc_lite.control.world.outlines import Outlines, corners_of
 from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.shapes import Polygon, Wall
@@ -43,17 +43,24 @@ class Nearby:
     def measure(self, points: Array, body: Body | None = None) -> tuple[Array, Array]:
         """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m].
 
-        Of the circles of a footprint's poses, if these are given, no nearer than its outline.
+        Of the circles of a footprint's poses, if these are given, no nearer than its outline, and
+        slopes by the poses (n, C, 3).
         """
         distance, normals = (
             self._outlines.distances(points)
             if self._count
             else (np.empty((len(points), 0)), np.empty((len(points), 0, 2)))
         )
+        arms = np.empty((len(points), 1, 2))
         if body is not None:
-            sharpen(self._outlines, *body, distance, normals)
+            footprint, poses = body
+            arms = (points - poses[:, :2].repeat(len(footprint.circles), axis=0))[:, None]
+            normals = with_turning(normals, np.broadcast_to(arms, normals.shape))
+            sharpen(self._outlines, footprint, poses, distance, normals)
         for boxes in self._boxes:
             _, gaps, away = boxes.choose(points)
+            if body is not None:
+                away = with_turning(away, np.broadcast_to(arms, away.shape))
             distance, normals = (
                 np.concatenate([distance, gaps], axis=1),
                 np.concatenate([normals, away], axis=1),
@@ -69,7 +76,7 @@ class Nearby:
         if self._count:
             distance, normals = self._outlines.distances(points)
             if body is not None:
-                sharpen(self._outlines, *body, distance, normals)
+                sharpen(self._outlines, *body, distance, np.empty((*distance.shape, 3)))
             least = distance.min(axis=1)
         for boxes in self._boxes:
             least = np.minimum(least, boxes.least(points))

@@ -16,7 +16,7 @@ from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lab.studies.contenders import EVERYTHING, STUDY_CONTENDERS
 from kmpc_lab.studies.drive import DriveResult, Trace, jerk
 from kmpc_lab.studies.table import AT_LEAST, DRIVES, GAP, SECONDS, STOPPED
-from kmpc_lab.studies.training import DT, TRAINING_SEED, train
+from kmpc_lab.studies.training import DT, EPISODES, STEPS, TRAINING_SEED, train
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.regression import Method
@@ -78,19 +78,21 @@ class Condition:
         """What of it a log shows: conditions with the same log share a model."""
         return replace(self, name="", pose_age=0.0)
 
-    def learn(self, slip: float, method: Method) -> KoopmanModel:
+    def learn(
+        self, slip: float, method: Method, episodes: int = EPISODES, steps: int = STEPS
+    ) -> KoopmanModel:
         """Learn as the paper does where the robot only slips, else from a log of the robot.
 
         Half of such a log is for the fit, half for the margins' quantiles, as ``kmpc fit`` does
         with a real one.
         """
         if not (self.lag or self.dead_time or any((*self.pose_noise, *self.turning_point))):
-            return train(slip, method)
+            return train(slip, method, episodes, steps)
         plant = LaggingDrive(
             self.lag, self.dead_time, slip, seed=TRAINING_SEED, turning_point=self.turning_point
         )
-        seed = TRAINING_SEED + 1
-        log = drive_log(plant, LOG_EPISODES, LOG_STEPS, DT, seed, pose_noise=self.pose_noise)
+        sizes = min(episodes, LOG_EPISODES), min(steps, LOG_STEPS)
+        log = drive_log(plant, *sizes, DT, TRAINING_SEED + 1, pose_noise=self.pose_noise)
         half, held = log.split(0.5, seed=0)
         model = fit(half, self.dictionary(), method)
         return with_quantiles(model, held) if method == "integral" else model

@@ -10,15 +10,16 @@ from kmpc_lite.model.koopman import KoopmanModel
 
 DT = 0.1
 """Sampling period of all studies [s]."""
-TRAINING = {"episodes": 1000, "steps": 1000}
+EPISODES, STEPS = 1000, 1000
 """Drives that the paper learns from, and periods of each."""
 TRAINING_SEED = 1_000
 """Of training data."""
 
 
-def train(slip: float, method: Method) -> KoopmanModel:
+def train(
+    slip: float, method: Method, episodes: int = EPISODES, steps: int = STEPS
+) -> KoopmanModel:
     """Learn as the paper does, at one slip; quantiles for margins come from drives of their own."""
-    episodes, steps = TRAINING["episodes"], TRAINING["steps"]
     plant = DifferentialDrive(slip, seed=TRAINING_SEED)
     model = fit(generate_dataset(plant, episodes, steps, DT, seed=TRAINING_SEED + 1), method=method)
     if method == "edmdc":

@@ -36,3 +36,8 @@ def test_a_car_parks_in_the_open_and_a_touch_is_seen() -> None:
     on_it = Polygon([(-half, -half), (half, -half), (half, half), (-half, half)])
     touched = judge(4, car, Scene(np.zeros(3), np.array((1.0, 0.0, 0.0)), [on_it]))
     assert touched.collided and not touched.arrived
+
+
+def test_wheels_that_turn_for_longer_than_is_foreseen_are_turned() -> None:
+    row = drive("open, slow steering", 2)
+    assert row.arrived and row.seconds < 1.5 * row.ideal_seconds

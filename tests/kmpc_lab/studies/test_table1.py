@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from kmpc_lab.studies import maps, training
+from kmpc_lab.studies import maps
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.table1 import drive, render
+from kmpc_lab.studies.training import train
 from kmpc_lite.scenario.files import Scenario
 
 SLIPS = STUDIES["table1"].axes["slips"].values
@@ -24,7 +25,7 @@ FULL, PAPERS = "ours, everything on", "ours, paper's formulation"
 def test_a_trial_is_driven_with_a_model_of_its_slip(
     label: str, slip: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(training, "TRAINING", {"episodes": 20, "steps": 60})
+    monkeypatch.setattr(maps, "train", lambda slip, method, *_: train(slip, method, 20, 60))
     short = replace(Scenario.load("mehrez"), goal=(0.6, 0.0, 0.0), timeout=6.0)
     (tmp_path / "short.toml").write_text(short.to_toml())
     row = drive(label, slip, str(tmp_path / "short.toml"), 3)

@@ -64,8 +64,7 @@ void kmpc_clearances(const struct kmpc_keep_out *keep, int stages, const real *s
                 continue;
             memcpy(clearances + column, keep->gaps + at * solids, (size_t)solids * sizeof(real));
             normal = normals + column * d;
-            memcpy(normal, keep->away + 2 * at * solids, 2 * (size_t)solids * sizeof(real));
-            add_slopes(solids, d, arm_x, arm_y, normal);
+            memcpy(normal, keep->away + d * at * solids, (size_t)(d * solids) * sizeof(real));
         }
         const int obstacles = e * (keep->things + keep->solids);
         for (int i = 0; i < obstacles; i++)

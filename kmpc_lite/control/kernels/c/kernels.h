@@ -91,7 +91,7 @@ struct kmpc_keep_out {
     int directions;                    /* 2, or 3 of a robot that is not round */
     const real *thing;                 /* (things, 7) */
     const real *points;                /* (stages, places, 2) middles of these circles */
-    const real *gaps, *away;           /* (stages, places, solids), and with directions (..., 2) */
+    const real *gaps, *away;           /* (stages, places, solids), and slopes (..., directions) */
     const real *side_normal, *side_offset;
     real distance, dt;                 /* radius with margin; period */
     real range;                        /* how far from the robot all is known; infinite: always */

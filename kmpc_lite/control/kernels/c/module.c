@@ -164,7 +164,7 @@ static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
     int fits = holds(b, 3 * n) && holds(b + 1, 9 * n) && holds(b + 2, 3 * m * n) &&
                holds(b + 3, 3 * m * n * past) && holds(b + 4, 3 * (n + 1)) && holds(b + 5, m * n) &&
                holds(b + 6, 3 * (n + 1)) && holds(b + 7, KMPC_THING * (long)keep->things) &&
-               holds(b + 8, 2 * points) && holds(b + 9, cells) && holds(b + 10, 2 * cells) &&
+               holds(b + 8, 2 * points) && holds(b + 9, cells) && holds(b + 10, keep->directions * cells) &&
                holds(b + 11, 2L * keep->sides) && holds(b + 12, keep->sides) &&
                holds_ints(b + 13, written) && holds(b + 15, 3 * n) && holds(b + 16, 3 * n) &&
                holds(b + 17, n * slots) && holds(b + 18, 3 * n) && holds(b + 19, (3 + m + 1) * n) &&

@@ -181,7 +181,7 @@ def test_tubes_of_random_plans(delay, stages, lasts):
     inputs = random.uniform(-1.0, 1.0, (stages, 2))
     states = np.cumsum(random.uniform(-0.1, 0.1, (stages + 1, 3)), axis=0)
     by_x = np.eye(3) + 0.1 * random.normal(size=(stages, 3, 3))
-    away = random.normal(size=(stages, 5, 2))
+    away = random.normal(size=(stages, 5, 3 if lasts else 2))
     lin = Linearization(
         states[1:], by_x, random.normal(size=(stages, 3, 2)), np.empty((stages, 0, 3, 2))
     )
