@@ -7,11 +7,14 @@ import numpy as np
 from kmpc_lite.control.kernels.boxes import away
 from kmpc_lite.control.kernels.clearance import distances, distances_and_directions
 from kmpc_lite.control.kernels.following import leg_end, poses_at
-from kmpc_lite.control.kernels.safe_motion import LEAVES, TINY
+from kmpc_lite.control.kernels.safe_motion import TINY
 from kmpc_lite.control.kernels.tube import tube_margins
 
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5
 LEAST_DISTANCE = 1e-9
+
+LEAVES = 0.5
+"""A motion leaves a thing if its clearance grows by this share of what is driven."""
 
 
 def box_distances(low, high, points):

@@ -25,8 +25,6 @@ TURN_SHARES = np.array((1.0, 0.25))
 """Shares of its turn that are tried after these, without driving."""
 MOST_SAMPLES = 8
 """Most samples a period."""
-LEAVES = 0.5
-"""A motion leaves a thing if its clearance grows by this share of what is driven."""
 
 
 def sizes(commands: Array, step: Array) -> Array:

@@ -54,8 +54,6 @@ CENTRE_CHANGE = 0.001
 CUSP_REACH = 0.012
 """How short of a change of gear a robot that follows poses goes on in the other one: what it is
 beside it, it cannot mend there [m]."""
-SEEN = 0.75
-"""Share of the horizon that a reference waits for wheels to be turned at the most."""
 ORIGIN = np.zeros(2)
 
 
@@ -259,7 +257,7 @@ class Guide:
         state.steering = steering > self._dt
         if state.steering:
             # wheels that take longer than is foreseen must be told what they are turned for
-            waits = min(steering, SEEN * float(later[-1]))
+            waits = min(steering, float(later[len(later) // 2]))
             states = along(np.maximum(later - waits, 0.0), place, leg, heading, state.turning)
         return states
 

@@ -6,22 +6,18 @@ where a car parks between two others.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import lru_cache
 
 import numpy as np
 
+from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.world.outlines import Outlines
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.footprint import Footprint
-    from kmpc_lite.control.world.outlines import Outlines
 
 NEAR = 0.25
 """How near the circles must be for the outline itself to be looked at [radii of a circle]."""
 KEPT = 0.1
 """What the outline keeps all the same [radii of a circle]: no robot drives as its model says."""
-AT = 1e-9
-"""Distance at which a direction cannot be told [m]."""
 
 
 def sharpen(
@@ -52,11 +48,10 @@ def sharpen(
     least = found.min(axis=1)
     nearest = least.min(axis=1)
     # what lies in a circle in the robot touches it, and is as deep as the circles say
-    near = (nearest < radius * (1.0 + NEAR)) & (nearest > footprint.core_radius)
-    near = np.flatnonzero(near)
-    if not len(near):
+    is_near = (nearest < radius * (1.0 + NEAR)) & (nearest > footprint.core_radius)
+    if not len(near := np.flatnonzero(is_near)):
         return
-    whole, directions = outline_gaps(outlines, footprint.outline, poses[near], count)
+    whole, directions = outline_gaps(outlines, footprint, poses[near], count)
     # what lies in the robot lies in one of the circles in it
     whole = np.minimum(whole, (least[near] - footprint.core_radius)[:, None])
     whole += radius * (1.0 - KEPT)
@@ -66,7 +61,7 @@ def sharpen(
 
 
 def outline_gaps(
-    outlines: Outlines, corners: Array, poses: Array, count: int
+    outlines: Outlines, footprint: Footprint, poses: Array, count: int
 ) -> tuple[Array, Array]:
     """Distances (n, count, P) of a robot from solids [m], and slopes by its pose (n, count, P, 3).
 
@@ -78,8 +73,8 @@ def outline_gaps(
     ----------
     outlines : Outlines
         P of them.
-    corners : ndarray
-        (K, 2) of the convex outline in the robot's frame, counter-clockwise [m].
+    footprint : Footprint
+        The robot's outline, of K corners.
     poses : ndarray
         (n, 3) of the robot.
     count : int
@@ -87,12 +82,10 @@ def outline_gaps(
     """
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turns = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], axis=1)
-    arms = corners @ turns
+    arms = footprint.outline @ turns
     mine, away = outlines.distances((arms + poses[:, None, :2]).reshape(-1, 2))
-    shape = len(poses), len(corners), len(outlines)
-    mine, away = mine.reshape(shape), away.reshape(*shape, 2)
-    arms = np.broadcast_to(arms[:, :, None], (*shape, 2))
-
+    shape = len(poses), len(footprint.outline), len(outlines)
+    slopes = with_turning(away.reshape(*shape, 2), arms[:, :, None])
     # corners of the solids, as the robot sees them; an edge that is there again tells nothing new
     begins = outlines.begins
     others = np.concatenate([begins, begins[:, :1] + outlines.steps[:, :1]], axis=1)
@@ -100,17 +93,15 @@ def outline_gaps(
     again[:, 1:-1] = (begins[:, 1:] == begins[:, :-1]).all(axis=-1)
     again[:, -1] = ~outlines.is_line
     reach = others - poses[:, None, None, :2]
-    theirs, towards = _distances(corners, reach @ turns.transpose(0, 2, 1)[:, None])
-    theirs = np.where(again, np.inf, theirs - outlines.rounding[:, None])
-    found = np.concatenate([mine, theirs.swapaxes(1, 2)], axis=1)
-    away = np.concatenate([away, -(towards @ turns[:, None]).swapaxes(1, 2)], axis=1)
-    arms = np.concatenate([arms, reach.swapaxes(1, 2)], axis=1)
+    seen = reach @ turns.transpose(0, 2, 1)[:, None]
+    theirs, towards = _body(footprint).distances(seen.reshape(-1, 2))
+    away = -(towards.reshape(seen.shape) @ turns[:, None])
+    theirs = np.where(again, np.inf, theirs.reshape(seen.shape[:-1]) - outlines.rounding[:, None])
+    found = np.concatenate([mine.reshape(shape), theirs.swapaxes(1, 2)], axis=1)
+    slopes = np.concatenate([slopes, with_turning(away, reach).swapaxes(1, 2)], axis=1)
     chosen = np.argsort(found, axis=1)[:, :count]
-    found, away, arms = (
-        np.take_along_axis(found, chosen, 1),
-        *(np.take_along_axis(some, chosen[..., None], 1) for some in (away, arms)),
-    )
-    return found, with_turning(away, arms)
+    nearest = np.take_along_axis(found, chosen, 1)
+    return nearest, np.take_along_axis(slopes, chosen[..., None], 1)
 
 
 def with_turning(away: Array, arms: Array) -> Array:
@@ -127,22 +118,9 @@ def with_turning(away: Array, arms: Array) -> Array:
     return np.concatenate([away, turn[..., None]], axis=-1)
 
 
-def _distances(corners: Array, points: Array) -> tuple[Array, Array]:
-    """Distances (...) of points (..., 2) from a convex outline (K, 2), and directions (..., 2)."""
-    steps = np.roll(corners, -1, axis=0) - corners
-    lengths = np.hypot(*steps.T)
-    along = steps / lengths[:, None]
-    outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    relative = points[..., None, :] - corners
-    beyond = (relative * outward).sum(axis=-1)
-    share = np.clip((relative * along).sum(axis=-1), 0.0, lengths)
-    offsets = relative - share[..., None] * along
-    squares = (offsets * offsets).sum(axis=-1)
-    edge, deepest = squares.argmin(axis=-1)[..., None], beyond.argmax(axis=-1)[..., None]
-    depth = np.take_along_axis(beyond, deepest, -1)[..., 0]
-    distance = np.sqrt(np.take_along_axis(squares, edge, -1)[..., 0])
-    direction = np.take_along_axis(offsets, edge[..., None], -2)[..., 0, :]
-    direction = direction / np.maximum(distance, AT)[..., None]
-    inside = depth <= AT
-    direction = np.where(inside[..., None], outward[deepest[..., 0]], direction)
-    return np.where(inside, depth, distance), direction
+@lru_cache(maxsize=8)
+def _body(footprint: Footprint) -> Outlines:
+    """The robot's outline in its own frame, as distances from it are asked for."""
+    corners = footprint.outline[None]
+    steps = np.roll(corners, -1, axis=1) - corners
+    return Outlines(corners, steps, np.zeros(1), np.zeros(1, dtype=bool))

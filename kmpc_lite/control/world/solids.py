@@ -46,25 +46,20 @@ class Nearby:
         Of the circles of a footprint's poses, if these are given, no nearer than its outline, and
         slopes by the poses (n, C, 3).
         """
-        distance, normals = (
-            self._outlines.distances(points)
-            if self._count
-            else (np.empty((len(points), 0)), np.empty((len(points), 0, 2)))
-        )
-        arms = np.empty((len(points), 1, 2))
+        distance, normals = np.empty((len(points), 0)), np.empty((len(points), 0, 2))
+        if self._count:
+            distance, normals = self._outlines.distances(points)
         if body is not None:
             footprint, poses = body
             arms = (points - poses[:, :2].repeat(len(footprint.circles), axis=0))[:, None]
-            normals = with_turning(normals, np.broadcast_to(arms, normals.shape))
+            normals = with_turning(normals, arms)
             sharpen(self._outlines, footprint, poses, distance, normals)
         for boxes in self._boxes:
             _, gaps, away = boxes.choose(points)
             if body is not None:
-                away = with_turning(away, np.broadcast_to(arms, away.shape))
-            distance, normals = (
-                np.concatenate([distance, gaps], axis=1),
-                np.concatenate([normals, away], axis=1),
-            )
+                away = with_turning(away, arms)
+            distance = np.concatenate([distance, gaps], axis=1)
+            normals = np.concatenate([normals, away], axis=1)
         return distance, normals
 
     def least(self, points: Array, body: Body | None = None) -> Array:
@@ -72,12 +67,8 @@ class Nearby:
 
         Of the circles of a footprint's poses, if these are given, no nearer than its outline.
         """
-        least = np.full(len(points), np.inf)
-        if self._count:
-            distance, normals = self._outlines.distances(points)
-            if body is not None:
-                sharpen(self._outlines, *body, distance, np.empty((*distance.shape, 3)))
-            least = distance.min(axis=1)
+        distance, _ = Nearby(self._outlines, ()).measure(points, body)
+        least: Array = distance.min(axis=1, initial=np.inf)
         for boxes in self._boxes:
             least = np.minimum(least, boxes.least(points))
         return least

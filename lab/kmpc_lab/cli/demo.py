@@ -1,6 +1,7 @@
-"""`kmpc demo` through the link: record the emulated rover, learn, drive it past obstacles, show.
+"""`kmpc demo`: the main job from end to end, through files, as a user would do it.
 
-With a log of one's own, or without pymavlink, the demo of kmpc_lite runs instead.
+The emulated rover is recorded, learned and driven through its link; with a log of one's own, or
+without pymavlink, a simulated robot drives without one.
 """
 
 from __future__ import annotations
@@ -9,11 +10,12 @@ import argparse
 import json
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
+import kmpc_lite as kl
 from firmware_bridge.integration.course import course
 from firmware_bridge.integration.recording import NAME, recorder_of
 from firmware_bridge.messages import BridgeError
@@ -21,18 +23,19 @@ from firmware_bridge.robot_file import load_robot
 from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.sensors.lidar.options import LIDARS
-from kmpc_lab.cli.simulate import describe
-from kmpc_lab.cli.simulated_demo import COMMAND as SIMULATED
-from kmpc_lab.cli.simulated_demo import learn_log
+from kmpc_lab.cli.simulate import describe, simulate
 from kmpc_lab.cli.stage import SCENARIO, Stage, emulator, robot_text
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import is_installed, need, pip_line
+from kmpc_lite.cli.fit import tell_learned
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.progress import watching
+from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
     from kmpc_lab.sim.closed_loop import Run
+    from kmpc_lite.learn.learning import Learned
 
 PERIOD = 0.1
 """Of controller and rows [s]."""
@@ -67,8 +70,22 @@ OWN_FILES = (
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
-    SIMULATED.add_options(parser)
     add = parser.add_argument
+    add(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="log of your robot, which is learned from and driven on a map for its speed\n"
+        "(default: a drive is recorded)",
+    )
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("out"),
+        metavar="DIR",
+        help="folder for log, model, run and report, in place of an earlier demo's (default: out)",
+    )
     add(
         "--robot",
         choices=("rover", "simulated"),
@@ -103,15 +120,15 @@ def run(options: argparse.Namespace) -> int:
     """Record, learn, drive, report; status 1 where the goal was not reached."""
     if options.log and options.robot == "rover":
         raise BridgeError("--log: the rover records a log of its own; leave --robot rover out")
+    need("the report of a demo", "matplotlib")
     if options.log or options.robot == "simulated":
         if options.lidar is not None:
             raise BridgeError("--lidar: only the emulated rover carries one: --robot rover")
-        return SIMULATED.run(options)
-    need("the report of a demo", "matplotlib")
+        return simulated(options)
     if options.robot is None and options.lidar is None and not is_installed("pymavlink"):
         if not options.json:
             print(f"without the emulated rover, which needs {pip_line('pymavlink')}")
-        return SIMULATED.run(options)
+        return simulated(options)
     need("the emulated rover", "pymavlink")
     say = (lambda text: None) if options.json else partial(print, flush=True)
     lidar = LIDAR if options.lidar is True else options.lidar
@@ -131,25 +148,8 @@ def demo(
 ) -> tuple[dict[str, Any], int]:
     """Record, learn, drive, report; gives the report and the exit status.
 
-    Parameters
-    ----------
-    folder : Path
-        For log, model, run and report; those of an earlier demo are replaced.
-    seconds : float
-        Of random driving to learn from [s].
-    seed : int
-        Of the random driving and of the rover's slip.
-    say : callable
-        Receives a line per phase.
-    quiet : bool
-        Show no progress on a terminal.
-    lidar : str, optional
-        Drive by this one alone.
-
-    Raises
-    ------
-    BridgeError, KmpcError
-        With one line for the user.
+    Files of an earlier demo in the folder are replaced. The lidar, if one is named, is the drive's
+    only source of obstacles; `say` receives a line per phase.
     """
     from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
     from kmpc_lab.report import write_report
@@ -276,6 +276,79 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     driven = load_drive(folder)
     driven.info["plant"] = "emulated ArduPilot rover over a pty; poses as its EKF tells them"
     return driven, report, status
+
+
+def simulated(options: argparse.Namespace) -> int:
+    """Record or read a log, learn, check, drive, report: without a link."""
+    from kmpc_lab.cli.own_course import course_for
+    from kmpc_lab.report import write_report
+    from kmpc_lab.sim.closed_loop import Outcome
+    from kmpc_lite.learn.loading import load_logs
+    from kmpc_lite.scenario.files import Scenario
+
+    say = (lambda text: None) if options.json else print
+    folder: Path = options.output
+    scenario = Scenario.load(SCENARIO)
+    log = options.log or folder / "drive.csv"
+    if options.log is None:
+        slip = f"mean slip {scenario.slip:g}"
+        say(f"1  recording 200 s of driving on a floor that slips ({slip}): {log}")
+        _record_simulated(log, scenario.slip)
+    else:
+        say(f"1  reading {log}")
+    data = load_logs([log])
+    learned = learn_log(log, data, folder / "robot.npz", say)
+    model, report = learned.model, learned.report
+    plant, problem = "slip", kl.NavigationProblem(dt=model.dt)
+    if options.log:
+        course = course_for(learned, data, scenario)
+        plant, problem, scenario = "learned", course.problem, course.scenario
+        say("   " + course.text.replace("\n", "\n   "))
+    drive, recorder = simulate(model, scenario, plant, problem, None)
+    drive.save(folder / "run.npz")
+    recorder.write(folder / "run", drive)
+    drive = recorder.with_details(drive)
+    say(f"3  drove {scenario.name}: {describe(drive)}")
+    page = folder / "report.html"
+    write_report(page, drive, model=model, fit_report=report, command=command_line())
+    if options.json:
+        print(json.dumps({"report": str(page), "held_out": report.as_dict(), **drive.summary()}))
+    else:
+        print(f"4  open {page.resolve()}")
+    return 0 if drive.outcome is Outcome.REACHED else 1
+
+
+def learn_log(
+    log: Path,
+    data: kl.Dataset,
+    output: Path,
+    say: Callable[[str], None],
+    lags: Literal["auto"] | Sequence[int] = "auto",
+) -> Learned:
+    """Learn from a log as `kmpc fit` does, write the model, and tell how good it is."""
+    from kmpc_lite.learn.learning import LearningOptions, learn
+    from kmpc_lite.learn.provenance import read_vehicle
+
+    learned = learn(data, [log], LearningOptions(lags=lags), read_vehicle([log]))
+    output.parent.mkdir(parents=True, exist_ok=True)
+    learned.model.save(output)
+    say(f"2  learned {output} from {learned.train}")
+    warnings = (f"warn   {text}" for text in learned.facts.get("warnings", ()))
+    text = "\n".join([*tell_learned(learned, []), *warnings])
+    say("   " + text.replace("\n", "\n   "))
+    return learned
+
+
+def _record_simulated(log: Path, slip: float) -> None:
+    """Record a simulated robot that drives at random."""
+    from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
+
+    log.parent.mkdir(parents=True, exist_ok=True)
+    plant = DifferentialDrive(slip, seed=1)
+    data = generate_dataset(
+        plant, episodes=20, steps=100, dt=SHORTEST_PERIOD, seed=1, u_max=(0.6, 0.8)
+    )
+    data.save(log)
 
 
 COMMAND = Command(

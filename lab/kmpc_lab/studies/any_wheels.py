@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -167,21 +167,14 @@ class OmniRobot:
             poses = record(self.moves(seed + 1), commands, self, random)
             write(log, poses, commands, ("v", "vy", "omega"), self.dt)
             model = learn(load_logs([log], self.dt), [log]).model
+        body: dict[str, Any] = {"footprint": self.footprint}
         problem = NavigationProblem(
             dt=self.dt,
             u_min=tuple(-speed for speed in self.speeds),
             u_max=self.speeds,
-            robot_radius=self.radius,
             wheels=Omni(),
+            **(body if self.footprint else {"robot_radius": self.radius}),
         )
-        if self.footprint is not None:
-            problem = NavigationProblem(
-                dt=self.dt,
-                u_min=problem.u_min,
-                u_max=problem.u_max,
-                footprint=self.footprint,
-                wheels=Omni(),
-            )
         return Ready(model, problem, self.moves(seed))
 
     def moves(self, seed: int) -> Moves:

@@ -23,6 +23,7 @@ from kmpc_lite.types import Array
 
 HELD = 1.0
 """How long the robot must hold its goal [s]."""
+SHARES = "stopped", "fallback", "feasible"
 CREEPS = 0.02
 """Share of its speed below which a robot has no gear."""
 
@@ -152,9 +153,7 @@ def closed_loop(
         if clearance < 0.0 or (is_there and inside >= task.held):
             break
     driven = np.array(commands) / full
-    gears = np.sign(driven[np.abs(driven[:, 0]) > CREEPS, 0])
     arrived = is_there and inside >= task.held and clearance >= 0.0
-    p50, p99 = 1e3 * np.quantile(times, (0.5, 0.99))
     return DriveResult(
         arrived,
         clearance < 0.0,
@@ -162,13 +161,6 @@ def closed_loop(
         ideal_seconds=task.ideal,
         clearance=clearance,
         fastest=float(np.abs(driven[:, 0]).max()) * float(full[0]),
-        gear_changes=int((gears[1:] != gears[:-1]).sum()),
-        jerk=jerk(np.diff(driven, axis=0)),
-        stopped=statuses.count(PlanStatus.STOPPED.name) / count,
-        fallback=statuses.count(PlanStatus.FALLBACK.name) / count,
-        feasible=statuses.count(PlanStatus.FEASIBLE.name) / count,
-        step_p50=float(p50),
-        step_p99=float(p99),
         ended=f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
         held_elsewhere=plan.holding and not arrived,
         trace=Trace(
@@ -180,7 +172,18 @@ def closed_loop(
             task.around,
             dt,
         ),
+        **counted(driven, statuses, times),
     )
+
+
+def counted(driven: Array, statuses: Sequence[str], times: Sequence[float] | Array) -> Any:
+    """What a `DriveResult` tells of commands (T, m) [bounds], statuses and times of steps [s]."""
+    gears = np.sign(driven[np.abs(driven[:, 0]) > CREEPS, 0])
+    p50, p99 = 1e3 * np.quantile(times, (0.5, 0.99))
+    shares = {name: statuses.count(name.upper()) / len(driven) for name in SHARES}
+    changes = int((gears[1:] != gears[:-1]).sum())
+    steady = jerk(np.diff(driven, axis=0))
+    return {**shares, "gear_changes": changes, "jerk": steady, "step_p50": p50, "step_p99": p99}
 
 
 def drive_past(

@@ -14,7 +14,7 @@ from kmpc_lab.sim.closed_loop import drive as drive_scenario
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lab.studies.contenders import EVERYTHING, STUDY_CONTENDERS
-from kmpc_lab.studies.drive import DriveResult, Trace, jerk
+from kmpc_lab.studies.drive import DriveResult, Trace, counted
 from kmpc_lab.studies.table import AT_LEAST, DRIVES, GAP, SECONDS, STOPPED
 from kmpc_lab.studies.training import DT, EPISODES, STEPS, TRAINING_SEED, train
 from kmpc_lite.learn.calibration import with_quantiles
@@ -141,14 +141,8 @@ def result_of(run: Run) -> DriveResult:
     """Account of a run; it arrives when it first is within both tolerances of the goal."""
     problem = run.scenario.problem()
     full = np.array(problem.u_max)
-    driven, count = run.inputs / full, len(run.inputs)
     collided, arrival = run.outcome is Outcome.COLLISION, run.arrival
     arrived = arrival is not None and not collided
-    gears = np.sign(driven[np.abs(driven[:, 0]) > 0.02, 0])
-    p50, p99 = 1e3 * np.quantile(run.step_times, (0.5, 0.99))
-    stopped, fallback, feasible = (
-        run.statuses.count(name) / count for name in ("STOPPED", "FALLBACK", "FEASIBLE")
-    )
     return DriveResult(
         arrived,
         collided,
@@ -156,13 +150,6 @@ def result_of(run: Run) -> DriveResult:
         ideal_seconds=math.dist(run.scenario.start[:2], run.scenario.goal[:2]) / float(full[0]),
         clearance=run.clearance,
         fastest=float(np.abs(run.inputs[:, 0]).max()),
-        gear_changes=int((gears[1:] != gears[:-1]).sum()),
-        jerk=jerk(np.diff(driven, axis=0)),
-        stopped=stopped,
-        fallback=fallback,
-        feasible=feasible,
-        step_p50=float(p50),
-        step_p99=float(p99),
         ended=str(run.info.get("reason", run.outcome.value)),
         trace=Trace(
             run.states,
@@ -173,6 +160,7 @@ def result_of(run: Run) -> DriveResult:
             [world_of(run.scenario)],
             run.dt,
         ),
+        **counted(run.inputs / full, run.statuses, run.step_times),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,14 @@ def draw_worst(study: Study, rows: Mapping[Asked, DriveResult], path: Path) -> N
     ours = {asked: row for asked, row in rows.items() if not row.peer} or rows
     row = drive_traced(study, max(ours, key=lambda asked: badness(ours[asked])))
     assert row.trace is not None
-    draw(row, row.trace, f"{study.name}: {', '.join(row.axes)}, {study.course} {row.seed}", path)
+    course = f"{study.name}: {', '.join(row.axes)}, {study.course} {row.seed}"
+    ended = "touched" if row.collided else "in pose" if row.arrived else fill(row.ended, 100)
+    figures = f"{row.seconds:.1f} s, ideal {row.ideal_seconds:.1f} s"
+    draw(row.trace, f"{course}\n{ended}; {figures}, least gap {row.clearance:.3f} m", path)
 
 
-def draw(row: DriveResult, trace: Trace, title: str, path: Path) -> None:
-    """Draw a drive over its commands."""
+def draw(trace: Trace, title: str, path: Path) -> None:
+    """Draw a drive over its commands, into a PNG."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -49,9 +53,7 @@ def draw(row: DriveResult, trace: Trace, title: str, path: Path) -> None:
         axes.scatter(*trace.poses[at, :2].T, s=8, color=colour, label=label, zorder=3)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axes.legend(loc="upper left", fontsize=8)
-    ended = "touched" if row.collided else "in pose" if row.arrived else row.ended
-    figures = f"{row.seconds:.1f} s, ideal {row.ideal_seconds:.1f} s"
-    axes.set_title(f"{title}\n{ended}; {figures}, least gap {row.clearance:.3f} m", fontsize=9)
+    axes.set_title(title, fontsize=9)
     times = trace.dt * np.arange(len(trace.commands))
     columns = trace.commands.T
     names = ("v", "omega") if len(columns) == 2 else ("v_x", "v_y", "omega")

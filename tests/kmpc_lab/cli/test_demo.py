@@ -1,19 +1,63 @@
-"""kmpc demo, shortened.
-
-The phases follow each other through files, and a signal ends them.
-"""
+"""`kmpc demo` on a simulated robot, on a log of one's own, and through a link."""
 
 import json
+from pathlib import Path
 
 import pytest
+from command_folder import NEEDS_PICTURES, files
 
+import kmpc_lite as kl
 from kmpc_lab import Run
-from kmpc_lite.cli.main import main
+from kmpc_lite.cli import main as cli
+
+
+@NEEDS_PICTURES
+def test_demo_does_the_main_job(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["demo", "--robot", "simulated", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["outcome"] == "reached" and told["clearance_m"] > 0
+    assert set(files(here)) == {
+        "out",
+        "out/drive.csv",
+        "out/report.html",
+        "out/robot.npz",
+        "out/run",
+        "out/run/drive.mcap",
+        "out/run.npz",
+    }
+    assert told["held_out"]["multi_step"][0] < told["held_out"]["nominal_multi_step"][0]
+    # what it wrote is what the other commands take
+    assert len(kl.Dataset.load("out/drive.csv")) == 20
+    assert Run.load("out/run.npz").scenario.name == "four_circles_1"
+    assert cli.main(["report", "out/run", "-o", "again.html"]) == 0
+    assert 'id="drive"' in Path("again.html").read_text(), "it plays"
+    assert kl.KoopmanModel.load("out/robot.npz").info["log"] == ["out/drive.csv"]
+    # it learns as kmpc fit does
+    assert cli.main(["fit", "out/drive.csv", "-o", "fitted.npz"]) == 0
+    assert Path("out/robot.npz").read_bytes() == Path("fitted.npz").read_bytes()
+
+
+def test_demo_with_a_log_of_ones_own(
+    made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pages: list[Path] = []
+    monkeypatch.setattr(
+        "kmpc_lab.report.write_report", lambda page, run, **more: pages.append(page)
+    )
+    assert cli.main(["demo", "--log", str(made / "drive.csv"), "-o", "mine"]) == 0
+    out = capsys.readouterr().out
+    assert str(made / "drive.csv") in out and "reached" in out and str(pages[0]) in out
+    written = ["mine", "mine/robot.npz", "mine/run", "mine/run.npz", "mine/run/drive.mcap"]
+    assert sorted(files(here)) == sorted(written)
+    assert "map and time limit are adapted" in out
+    assert Run.load("mine/run.npz").info["plant"] == "learned"
 
 
 @pytest.mark.long
-def test_the_whole_demo_reaches_its_goal(tmp_path, capsys):
-    assert main(["demo", "--output", str(tmp_path / "out"), "--json"]) == 0
+def test_the_whole_demo_reaches_its_goal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["demo", "--output", str(tmp_path / "out"), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert (
         report["outcome"] == "reached" and Run.load(tmp_path / "out" / "run.npz").clearance > 0.03

@@ -22,16 +22,11 @@ def test_what_was_driven_is_not_driven_again(
     monkeypatch.setattr("kmpc_lab.studies.study.drive_one", lambda *asked: pytest.fail())
     assert cli.main([*arguments, "--resume"]) == 0
     assert capsys.readouterr().out == table
-    assert cli.main([*arguments, "--resume", "--json"]) == 0
+    assert cli.main([*arguments, "--resume", "--json", "--picture", "worst.png"]) == 0
+    assert (here / "worst.png").read_bytes().startswith(b"\x89PNG")
     rows = json.loads(capsys.readouterr().out)
     assert all(row["arrived"] and not row["collided"] for row in rows)
     assert len((here / "drives.jsonl").read_text().splitlines()) == len(rows)
-
-
-def test_the_worst_drive_is_drawn(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = "study parking --drives 1 --scenes open --workers 1 --picture worst.png"
-    assert cli.main(words.split()) == 0
-    assert (here / "worst.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_study_reports_at_once_that_peers_are_missing(

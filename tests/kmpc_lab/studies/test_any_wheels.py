@@ -7,7 +7,6 @@ import pytest
 
 from kmpc_lab.sim.plants.followers import Follower, OmniPlant, Rollers
 from kmpc_lab.studies.any_wheels import STEERING, draw_car, draw_omni
-from kmpc_lab.studies.robot_drives import drive_random
 from kmpc_lite.control.wheels import Car
 
 AT_ONCE = Follower(0.0, (np.inf, np.inf), (0.0, 0.0))
@@ -42,8 +41,3 @@ def test_draws_are_of_all_sizes_and_the_same_again() -> None:
     sizes = [car.radius for car in cars]
     assert min(sizes) < 0.1 and max(sizes) > 1.0
     assert {omni.footprint is None for omni in omnis} == {True, False}
-
-
-def test_a_robot_on_other_wheels_arrives_without_touching() -> None:
-    row = drive_random("car", 31001)
-    assert row.arrived and not row.collided

@@ -1,6 +1,5 @@
 """The runner of studies: what is asked for, records kept line by line, and tables."""
 
-import json
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,8 +13,10 @@ from kmpc_lab.studies import robot_drives
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.contenders import STUDY_CONTENDERS
 from kmpc_lab.studies.drive import DriveResult
+from kmpc_lab.studies.hard import ROWS as HARD
 from kmpc_lab.studies.limits import ROBOTS as LIMITS
 from kmpc_lab.studies.maps import CONDITIONS
+from kmpc_lab.studies.parking.drives import KINDS_OF_CARS
 from kmpc_lab.studies.parking.scenes import KINDS
 from kmpc_lab.studies.real import RECIPES
 from kmpc_lab.studies.study import Work, check_resume
@@ -33,7 +34,8 @@ ROW = DriveResult(
 def test_the_catalogue_names_what_the_studies_have() -> None:
     axes = {name: study.axes for name, study in STUDIES.items()}
     assert set(axes["scales"]["robots"].values) == set(robot_drives.ROBOTS)
-    assert set(axes["parking"]["scenes"].values) == set(KINDS)
+    assert set(axes["parking"]["scenes"].values) == {*KINDS, *KINDS_OF_CARS}
+    assert set(axes["hard"]["rows"].values) == set(HARD)
     assert set(axes["limits"]["robots"].values) == set(LIMITS)
     assert set(axes["maps"]["families"].values) == set(FAMILIES)
     assert set(axes["maps"]["conditions"].values) == set(CONDITIONS)
@@ -110,8 +112,3 @@ def test_a_table_counts_compares_and_names_what_went_wrong() -> None:
     assert text[1].split() == ["ours", "x", "2", "1", "0", "1.00", "9.5%", "0.80"]
     assert text[2].split() == ["theirs", "x", "2", "1", "1", "1.25", "9.5%", "1.00"]
     assert text[3].split()[0] == "all" and text[4:] == ["ours, x, map 2: waiting: for a path"]
-
-
-def test_records_are_plain_json() -> None:
-    again = DriveResult.of_record(json.loads(json.dumps(ROW.as_record())))
-    assert again == ROW

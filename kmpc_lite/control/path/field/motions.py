@@ -16,6 +16,7 @@ from kmpc_lite.control.kernels.twists import seen_from, straight_twist
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car, Omni, Wheels
+from kmpc_lite.geometry import rotate
 from kmpc_lite.types import Array
 
 TINY = 1e-9
@@ -141,7 +142,19 @@ class CarMotions:
         return twists, times
 
 
-class OmniMotions:
+class Unsteered:
+    """Motions between which nothing is steered."""
+
+    def paced(self, twists: Array, times: Array) -> Array:
+        """Times (S,) in which motions (S, 3) are driven: as they are."""
+        return times
+
+    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
+        """None."""
+        return np.zeros(times.shape[:-1])
+
+
+class OmniMotions(Unsteered):
     """Eight directions, and turning; straight to a pose, turning before, meanwhile, or after."""
 
     def __init__(self, request: PathRequest, sideways: float) -> None:
@@ -166,30 +179,20 @@ class OmniMotions:
         out: Array = np.maximum(np.maximum(along, np.abs(turn) / rate), TINY)
         return out
 
-    def paced(self, twists: Array, times: Array) -> Array:
-        """Times (S,) in which motions (S, 3) are driven: as they are."""
-        return times
-
-    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
-        """None."""
-        return np.zeros(times.shape[:-1])
-
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give three ways of two motions each."""
         seen = seen_from(start, ends)
         turn = seen * (0.0, 0.0, 1.0)
         line = seen - turn
-        cos, sin = np.cos(seen[:, 2]), np.sin(seen[:, 2])
-        x, y = seen[:, 0], seen[:, 1]
-        turned = np.stack([cos * x + sin * y, cos * y - sin * x, np.zeros_like(x)], axis=1)
         none = np.zeros_like(seen)
+        turned = np.column_stack([*rotate(seen[:, 0], seen[:, 1], -seen[:, 2]), none[:, 0]])
         ways = (straight_twist(seen), none), (turn, turned), (line, turn)
         moves = np.stack([np.stack(way, axis=1) for way in ways], axis=1)
         times = self._time(moves)
         return moves / times[..., None], times
 
 
-class DifferentialMotions:
+class DifferentialMotions(Unsteered):
     """Straights, arcs, and turning on the spot; a turn, a line in either gear, and a turn.
 
     Of a robot that hardly turns to one side, or not at all: it goes round by the other one.
@@ -203,14 +206,6 @@ class DifferentialMotions:
         self.twists: Array = np.array([move for move in moves if any(move)])
         self.gears: Array = np.sign(self.twists[:, 0])
         self.turn = FULL / 16
-
-    def paced(self, twists: Array, times: Array) -> Array:
-        """Times (S,) in which motions (S, 3) are driven: as they are."""
-        return times
-
-    def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
-        """None."""
-        return np.zeros(times.shape[:-1])
 
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give both ways of three motions."""

@@ -98,23 +98,6 @@ def _beside(options: argparse.Namespace) -> tuple[Any, str]:
     return [board._asdict() for board in boards], format_boards(boards)
 
 
-def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.bench.drives import learned_model
-    from kmpc_lab.bench.scaling import format_scaling, scaling
-
-    bar = ProgressBar("scaling", quiet=options.json)
-    rows = scaling(learned_model(), _seed(options), _drives(options), progress=bar)
-    return rows, format_scaling(rows)
-
-
-def _lidar(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.bench.lidar import format_lidar_steps, lidar_steps
-
-    bar = ProgressBar("lidar", quiet=options.json)
-    rows = lidar_steps(_drives(options), _seed(options), progress=bar)
-    return rows, format_lidar_steps(rows)
-
-
 def _cold(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.cold import compare_cold, format_cold
 
@@ -212,16 +195,6 @@ RECORDED = ("--drives", "--tuning")
 COMPARISON = Job(_compare, (*RECORDED, "--only", "--picture"))
 """What is done if no job is named."""
 JOBS = {
-    "--scaling": Job(
-        _scaling,
-        RECORDED,
-        "show how the time grows with horizon and obstacles, for this controller only",
-    ),
-    "--lidar": Job(
-        _lidar,
-        RECORDED,
-        "show what lidars of 360, 720 and 1,440 beams cost a step, beside four known circles",
-    ),
     "--cold": Job(
         _cold,
         RECORDED,

@@ -60,10 +60,6 @@ STARTS, ARRIVES, LONGEST = 0.1, 1.0, 100.0
 long [s]."""
 SPEED, LEAST, MOST = 2.0, 2.0, 8.0
 """The metric's ideal speed [m/s], and between which multiples of the ideal time a time counts."""
-PUBLISHED = """\
-Published, in Gazebo with ROS and on other worlds, not to be compared with this kinematic replica:
-  LiCS-KI 98.0 %, score 0.489, 7.7 s; DRL-VO 93.6 %, 0.371; DWA of move_base 85.0 %, 0.159;
-  an NMPC with acados 0.4515 (2026, second-hand)"""
 COLUMNS = (
     *DRIVES,
     Column("score", ".4f", mean_of("score")),

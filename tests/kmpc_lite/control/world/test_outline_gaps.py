@@ -18,7 +18,7 @@ SOLIDS = [
 
 
 def gaps(poses: np.ndarray, count: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    return outline_gaps(Outlines.of(SOLIDS), OUTLINE.outline, poses, count)
+    return outline_gaps(Outlines.of(SOLIDS), OUTLINE, poses, count)
 
 
 def clear_poses() -> np.ndarray:
