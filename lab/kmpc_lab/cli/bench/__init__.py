@@ -74,7 +74,6 @@ COMMAND = Command(
         "kmpc bench",
         "kmpc bench --drives 40 --picture bench.png",
         "kmpc bench --cold",
-        "kmpc bench --lidar --drives 12",
         "kmpc bench --solvers",
         "kmpc bench --json > pi5.json           # on each board; then, anywhere:",
         "kmpc bench --beside pi5.json pc.json",
