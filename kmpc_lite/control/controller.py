@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control import settings as settings_of
 from kmpc_lite.control.estimate.history import CommandHistory, whole_age
+from kmpc_lite.control.estimate.lateness import LatenessState
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.mobility import check_motion, following, movable
@@ -25,6 +27,8 @@ from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
@@ -135,33 +139,44 @@ class Controller:
             clock=clock,
         )
         settings_of.check_settings(model, problem, settings)
-        self.problem = problem = movable(model, problem)
+        self._asked, self._given = problem, model
+        self._seeks_lateness = settings_of.seeks_lateness(model, adaptation, tightening is not None)
+        asked = adaptation, tightening is not None, movable(model, problem), options.adaptation
+        self.adaptation = settings_of.choose_adaptation(model, *asked)
+        self._build(None)
+        self.reset()
+
+    def _build(self, ramps: Array | None) -> None:
+        """Build the rooms, one after the other, for a robot of these ramps in its own units."""
+        settings, model, self._ramps = self._settings, self._given, ramps
+        options, clock = settings.options, settings.clock
+        if ramps is not None:
+            told = ramps * self._asked.scale.command / self._asked.scale.time
+            model = replace(model, info={**model.info, "ramps": Ramps(told, told).as_dict()})
+        self.problem = problem = movable(model, self._asked)
         self.scale = scale = problem.scale
-        tightens, guides = tightening is not None, bool(guidance)
-        self._seeks_lateness = settings_of.seeks_lateness(model, adaptation, tightens)
-        asked = adaptation, tightens, problem, options.adaptation
-        learns, model = settings_of.choose_adaptation(model, *asked), following(model, problem)
-        self.adaptation = settings_of.adaptation_of(learns, model)
+        tightens, guides = settings.tightening is not None, settings.guidance
+        self._learned = model = following(model, problem)
+        self.adaptation = settings_of.adaptation_of(self.adaptation, model)
         self.units = units = problem_in_units(problem, model, guides)
-        self._pose_age = age = whole_age(pose_age, model) / scale.time
+        self._pose_age = age = whole_age(settings.pose_age, model) / scale.time
         self._examiner = Examiner(units, scale, options, tightens, guides)
         self._sqp = SQP(
             units,
             model.history,
             iterations=settings.sqp_iterations,
-            tolerance=tolerance,
-            slots=obstacle_slots,
+            tolerance=settings.tolerance,
+            slots=settings.obstacle_slots,
             options=options.solver,
             step=options.step,
-            solver=solver,
+            solver=settings.solver,
             clock=clock,
         )
-        settings_of.check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
-        guide = make_guide(units, options, clock, planner, scale) if guidance else None
+        can_be_stopped = self._sqp.workspace.can_be_stopped
+        settings_of.check_budget(settings.time_budget, settings.solver, can_be_stopped)
+        guide = make_guide(units, options, clock, settings.planner, scale) if guides else None
         self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age)
         self._admission = Admission(scale, self._pipeline.scene)
-        self._learned = model
-        self.reset()
 
     def step(
         self,
@@ -196,10 +211,11 @@ class Controller:
             For wrong shapes and what is no numbers, and for nothing else.
         """
         clock = StepClock(self._settings.clock, self._settings.time_budget)
-        phases, state = self._pipeline, self._state
+        state = self._state
         seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
-        if phases.bring_forward(state, seen, self.known):
-            self.update_model(state.base_model)  # adaptation took the delay for gains
+        if self._pipeline.bring_forward(state, seen, self.known):
+            self._answers_otherwise(state)
+        phases = self._pipeline
         if refusal := self._learn() or seen.refusal:
             return phases.refuse(state, seen, self.known, refusal, clock)
         phases.estimate(state, seen, self.known)
@@ -225,7 +241,9 @@ class Controller:
 
     @state.setter
     def state(self, state: ControllerState) -> None:
-        self._state, self._seeks_lateness = state, state.lateness.sought
+        self._state, self._seeks_lateness = state, state.lateness is not None
+        if (ramps := state.lateness and state.lateness.ramps) is not self._ramps:
+            self._build(ramps)
         self.adaptation = settings_of.adaptation_of(self.adaptation, state.base_model)
         if self.adaptation is not None and state.adaptation is not None:
             self.adaptation.restore(state.adaptation, state.model)
@@ -233,11 +251,13 @@ class Controller:
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the path, and what was learned while driving."""
+        if self._ramps is not None:
+            self._build(None)
         self.adaptation, adaptation = settings_of.adapt_anew(self.adaptation, self._learned)
         history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
         guided = self._settings.guidance
         self._state = ControllerState.start(self._learned, history, guided, adaptation)
-        self._state.lateness.sought = self._seeks_lateness
+        self._state.lateness = LatenessState() if self._seeks_lateness else None
         self.known = self._examiner.examine(self._learned, self._learned)
 
     def update_model(self, model: KoopmanModel) -> None:
@@ -250,12 +270,27 @@ class Controller:
         ProblemError
             For another period, or another length of input history.
         """
-        model = following(model, self.problem)
+        given, model = model, following(model, self.problem)
         settings_of.check_replacement(model, self.model, self.problem)
         check_motion(model, self.problem)
+        self._given = given
+        self._learn_from(model)
+
+    def _learn_from(self, model: KoopmanModel) -> None:
+        """Drive with a learned model from now on; what adaptation has learned is forgotten."""
         self._learned = self._state.base_model = model
         self.adaptation, self._state.adaptation = settings_of.adapt_anew(self.adaptation, model)
         self._take_over(model)
+
+    def _answers_otherwise(self, state: ControllerState) -> None:
+        """Take it in that the robot answers later, or more slowly, than was thought."""
+        if (ramps := state.lateness and state.lateness.ramps) is not self._ramps:
+            self._build(ramps)
+            before = state.history
+            history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
+            history.take_over(before)
+            state.history, state.trajectory = history, None
+        self._learn_from(self._learned)  # adaptation took it for gains
 
     def _take_over(self, model: KoopmanModel) -> None:
         """Drive with another model from now on."""
@@ -285,7 +320,7 @@ class Controller:
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle as what it was made of, and its state."""
         drive = self.adaptation, self._state
-        return _restored, (self._learned, self.problem, self._settings, *drive)
+        return _restored, (self._given, self._asked, self._settings, *drive)
 
 
 def _restored(

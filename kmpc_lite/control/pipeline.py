@@ -122,17 +122,18 @@ class Pipeline:
             history.correct(seen.sent, self._problem)
         measured = seen.pose if seen.pose_is_known else None
         history.see(measured, known.model, self._newest)
-        if state.lateness.sought:
-            pose = seen.pose if seen.pose_is_known and history.driven is not None else None
-            changed = self._lateness.see(state.lateness, known.model, history.given, pose)
+        age, lateness = self._pose_age, state.lateness
+        if lateness is not None:
+            pose = measured if history.driven is not None else None
+            changed = self._lateness.see(lateness, known.model, history.given, pose)
             if changed:
                 # the pose that was expected now is one of another age
                 history.driven, state.innovation = None, InnovationState()
-        age = self._pose_age + self._problem.dt * state.lateness.periods
+            age += self._problem.dt * lateness.periods
         if age:
             measured = seen.pose
             seen.bring_forward(advance_pose(known.model, measured, history.given, age))
-            if state.lateness.periods:
+            if age > self._pose_age:
                 seen.rolls_on = history.rolls_on(age, measured, seen.pose)
         self._watching.watch(state, seen, known)
         return changed

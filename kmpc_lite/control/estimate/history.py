@@ -91,6 +91,14 @@ class CommandHistory:
         """What is left of the motion (T, 2) after the command sent last; none after its end."""
         return None if self.motion is None or len(self.motion) < 2 else self.motion[1:].copy()
 
+    def take_over(self, before: CommandHistory) -> None:
+        """Go on from a history of other lengths."""
+        self.command, self.curvature = before.given[-1].copy(), before.curvature
+        self.measured, self.seen, self.beyond = before.measured, before.seen, before.beyond
+        for part in (self.commands, self.given):
+            known = min(len(part), len(before.given))
+            part[len(part) - known :] = before.given[len(before.given) - known :]
+
     def remember(self, command: Array, motion: Array | None = None, planned: bool = False) -> None:
         """Take in the command (2,) that is sent now, and the motion (T, 2) that it begins."""
         self.command, self.motion, self.driven = command.copy(), motion, None

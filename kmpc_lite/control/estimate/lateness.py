@@ -1,8 +1,10 @@
-"""How much later than its model says a robot answers, as its motion tells it.
+"""How much later, or how much more slowly, than its model says a robot answers.
 
 Each period is predicted by commands that are so many periods older than they should be, for a few
 such numbers. The one whose errors are the least of late, and significantly so, is how late the
 robot answers: to a model that does not know of it, a pose that shows old commands is an old pose.
+Where nothing is learned of the robot, it is predicted by commands that have passed through ramps,
+too. One that explains its motion far better than any age, lag or gain is what it can do.
 It is part of what is learned while driving: a controller that is told to adapt nothing does not
 ask for it.
 """
@@ -24,26 +26,36 @@ from kmpc_lite.types import Array
 MEMORY, FEWEST = 4.0, 40
 """For how long errors count [s], and for how many periods at the least."""
 EVIDENCE = 12.0
-"""Gain in log-likelihood that another number must bring."""
+"""Gain in log-likelihood that another answer must bring."""
+RAMP_TIMES = 0.25 * 2.0 ** (0.25 * np.arange(20))
+"""Times from rest to the fastest command, of robots that follow by ramps [s]."""
+LAGS, GAINS = 0.05 * 2.0 ** (0.5 * np.arange(8)), np.arange(0.3, 1.0, 0.1)
+"""What else may slow it down: time constants [s], and shares of what is commanded."""
 
 
 @dataclass(slots=True)
 class LatenessState:
-    """What is remembered of how late the robot answers."""
+    """What is remembered of how the robot answers."""
 
     pose: Array | None = None
     """(3,) as measured a period ago; none if it was not, or if nobody knows what was sent."""
     errors: Array = field(default_factory=lambda: np.zeros((2, 0)))
-    """(2, J) fading sums of squared errors ahead and of turns by how many periods older the
-    commands are, as multiples of tolerated ones."""
+    """(2, J + K) fading sums of squared errors ahead and of turns, as multiples of tolerated ones:
+    by how many periods older the commands are; by ramps, lags and gains."""
     count: float = 0.0
     """How many these are, fading as they do."""
     found: Array = field(default_factory=lambda: np.zeros(2, dtype=int))
     """(2,) how much later than its model says the robot drives, and turns, in periods."""
-    sought: bool = False
-    """Whether it is looked for."""
-    periods: int = 0
-    """How much later it answers: of what drives and turns differently late, the sooner."""
+    passed: Array | None = None
+    """(R, m) what has become of the last command behind ramps and lags; none before the first, R is
+    0 of a learned robot."""
+    ramps: Array | None = None
+    """(m,) fastest changes by which it follows its commands, where these are infinite at once."""
+
+    @property
+    def periods(self) -> int:
+        """How much later it answers: of what drives and turns differently late, the sooner."""
+        return int(self.found.min())
 
 
 class Lateness:
@@ -68,7 +80,14 @@ class Lateness:
         unit = unit_length(problem)
         self._judged = JUDGED_STEP * unit
         self._step = TOLERATED_STEP * unit
-        self._axes = 2 if problem.wheels.turns_on_the_spot else 1
+        self._turns = problem.wheels.turns_on_the_spot
+        full = np.maximum(np.abs(problem.u_min), np.abs(problem.u_max))
+        # of a car steering comes between
+        self._rates = full / RAMP_TIMES[self._turns * RAMP_TIMES > 2.0 * problem.dt, None]
+        self._most = np.concatenate([self._rates, np.full((len(LAGS), len(full)), np.inf)])
+        self._most *= problem.dt
+        self._shares = np.ones((len(self._most), 1))
+        self._shares[len(self._rates) :, 0] = 1.0 - np.exp(-problem.dt / LAGS)
 
     def see(
         self, state: LatenessState, model: MotionModel, given: Array, pose: Array | None
@@ -82,21 +101,33 @@ class Lateness:
         model : MotionModel
             Predicts.
         given : ndarray
-            (K, m) commands up to that of the past period, oldest first.
+            (K, m) commands up to that of the past period, oldest first; the last one becomes what
+            the robot has made of it where it is found to follow by a ramp.
         pose : ndarray or None
             (3,) as measured; none if that, or the past period's command, is not known.
         """
         before, state.pose = state.pose, pose
+        places, command = self._places, given[-1]
+        if state.passed is None:
+            count = 0 if model.noise_model or not len(self._rates) else len(self._most)
+            state.passed = np.zeros((count, len(command)))
+        passed = state.passed
+        if count := len(passed):
+            change = self._shares * (command - passed)
+            state.passed = passed + np.clip(change, -self._most, self._most)
         if before is None or pose is None:
             return False
         if math.hypot(pose[0] - before[0], pose[1] - before[1]) < self._judged:
             return False  # a robot that stands may be held
-        places = self._places
+        gains = GAINS[: len(GAINS) * bool(count), None] * command
+        slower = np.concatenate([0.5 * (passed + state.passed), gains])
         commands = (1.0 - self._age) * given[places] + self._age * given[places - 1]
+        commands = np.concatenate([commands, slower])
         history = None
         if model.history:
             history = given[places[:, None] - np.arange(model.history, 0, -1)]
-        predicted = model.predict(np.broadcast_to(before, (len(places), 3)), commands, history)
+            history = np.concatenate([history, slower[:, None].repeat(model.history, axis=1)])
+        predicted = model.predict(np.broadcast_to(before, (len(commands), 3)), commands, history)
         x, y, turned = (pose - predicted).T
         ahead = math.cos(before[2]) * x + math.sin(before[2]) * y
         turned -= math.tau * np.rint(turned / math.tau)
@@ -105,10 +136,28 @@ class Lateness:
             return False
         state.errors = squares + (self._fading * state.errors if state.count else 0.0)
         state.count = self._fading * state.count + 1.0
-        best, axes = state.errors.argmin(axis=1), np.arange(len(squares))
-        gain = (
-            0.5 * state.count * np.log(state.errors[axes, state.found] / state.errors[axes, best])
-        )
+        late, was, axes = state.errors[:, : len(places)], state.periods, np.arange(2)
+        best = late.argmin(axis=1)
+        gain = 0.5 * state.count * np.log(late[axes, state.found] / late[axes, best])
         state.found = np.where(gain > EVIDENCE, best, state.found)
-        before_now, state.periods = state.periods, int(state.found[: self._axes].min())
-        return state.periods != before_now
+        if not self._turns:
+            state.found[1] = state.found[0]
+        return self._follows(state, given[-1]) or state.periods != was
+
+    def _follows(self, state: LatenessState, command: Array) -> bool:
+        """Whether a ramp explains the motion far better than all else that is known."""
+        begin, end, changed = len(self._places), len(self._places) + len(self._rates), False
+        passed = np.asarray(state.passed)
+        known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
+        for errors, columns in zip(state.errors, (slice(0, -1), slice(-1, None)), strict=True):
+            if len(errors) == begin:
+                break
+            best = begin + int(errors[begin:end].argmin())
+            others = min(errors[:begin].min(), errors[end:].min())
+            rates = self._rates[best - begin, columns]
+            likelier = 0.5 * state.count * math.log(others / errors[best]) > EVIDENCE
+            if likelier and (rates < known[columns]).any():
+                known[columns], command[columns] = rates, passed[best - begin, columns]
+                errors[:] = errors.min()  # as of now nothing is known any better
+                state.found, state.ramps, changed = np.zeros(2, dtype=int), known, True
+        return changed

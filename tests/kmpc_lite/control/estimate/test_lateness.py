@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.studies.any_robot import Robot, RobotPlant
 from kmpc_lite.control.estimate.lateness import Lateness, LatenessState
 from kmpc_lite.types import Array
 
@@ -70,6 +74,29 @@ def test_missing_poses_tell_nothing() -> None:
     assert state.count == 0.0
 
 
+def test_ramps_that_nobody_told_of_are_found_within_two_seconds() -> None:
+    """Lags and gains are none."""
+    plain = Robot("untold", speed=1.0, turn_rate=1.3)
+    ramped = replace(plain, ramps=(2.0, 2.0), turn_ramp=0.9)
+    others = replace(plain, lag=0.3), replace(plain, turn_gain=0.5), plain
+    for robot in (ramped, *others):
+        controller = kl.Controller(MODEL, robot.problem(10.0))
+        plant, pose = RobotPlant(robot, 0), np.zeros(3)
+        for _ in range(20):
+            plan = controller.step(pose, (3.0, 2.0, 1.0))
+            pose = plant.drive(pose, plan.command)[-1]
+        if robot is not ramped:
+            assert np.isinf(controller.problem.du_max).all()
+            continue
+        assert controller.problem.du_max == pytest.approx((0.5, 1.44), rel=0.1)
+        # a drive goes on elsewhere, and what was learned is forgotten with it
+        twin = pickle.loads(pickle.dumps(controller))
+        plans = [c.step(pose, (3.0, 2.0, 1.0)) for c in (controller, twin)]
+        np.testing.assert_array_equal(plans[0].states, plans[1].states)
+        controller.reset()
+        assert np.isinf(controller.problem.du_max).all()
+
+
 def test_a_robot_that_lags_unknown_to_its_model_parks() -> None:
     """It swung about its goal for ever; without adaptation nothing is looked for."""
     for adaptation, late in ((None, 4), (False, 0)):
@@ -79,5 +106,6 @@ def test_a_robot_that_lags_unknown_to_its_model_parks() -> None:
             plan = controller.step(pose, (1.5, 0.8, 1.0), np.array([[0.8, 0.2, 0.2]]))
             pipe.append(plan.command)
             pose = MODEL.predict(pose, pipe.pop(0))
-        assert controller.state.lateness.periods == late
+        found = controller.state.lateness
+        assert (0 if found is None else found.periods) == late
         assert plan.holding is (adaptation is None)
