@@ -242,7 +242,7 @@ class Controller:
     @state.setter
     def state(self, state: ControllerState) -> None:
         self._state, self._seeks_lateness = state, state.lateness is not None
-        if (ramps := state.lateness and state.lateness.ramps) is not self._ramps:
+        if (ramps := state.ramps) is not self._ramps:
             self._build(ramps)
         self.adaptation = settings_of.adaptation_of(self.adaptation, state.base_model)
         if self.adaptation is not None and state.adaptation is not None:
@@ -284,7 +284,7 @@ class Controller:
 
     def _answers_otherwise(self, state: ControllerState) -> None:
         """Take it in that the robot answers later, or more slowly, than was thought."""
-        if (ramps := state.lateness and state.lateness.ramps) is not self._ramps:
+        if (ramps := state.ramps) is not self._ramps:
             self._build(ramps)
             before = state.history
             history = CommandHistory.start(self.units, self._learned.history, self._pose_age)

@@ -18,15 +18,7 @@ from kmpc_lite.types import Array
 
 
 class Fallback:
-    """The phase that stands in for all others.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        In the robot's units.
-    motions, verification, rates, answers
-        Those of the pipeline.
-    """
+    """The phase that stands in for all others."""
 
     def __init__(
         self,

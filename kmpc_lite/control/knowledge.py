@@ -57,19 +57,7 @@ def problem_in_units(
 
 
 class Examiner:
-    """Asks models for margins and capabilities; those of the learned model are worked out once.
-
-    Parameters
-    ----------
-    units : NavigationProblem
-        In the robot's units.
-    scale : Scale
-        The robot's units.
-    options : ControllerOptions
-        What can be tuned.
-    tightens, guides : bool
-        Whether there are margins, and whether there is guidance.
-    """
+    """Asks models for margins and capabilities; those of the learned model are worked out once."""
 
     def __init__(
         self,

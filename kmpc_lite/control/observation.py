@@ -99,15 +99,7 @@ class Observation:
 
 
 class Admission:
-    """Checks what a step is given, and converts it.
-
-    Parameters
-    ----------
-    scale : Scale
-        The robot's units.
-    scene : Scene
-        Sorts obstacles.
-    """
+    """Checks what a step is given, and converts it."""
 
     def __init__(self, scale: Scale, scene: Scene) -> None:
         self._scale, self._scene = scale, scene

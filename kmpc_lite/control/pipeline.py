@@ -53,25 +53,7 @@ LOOKUP_DISTANCE = 2.0
 
 
 class Pipeline:
-    """The phases of a step.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        In metres and seconds, for the answers.
-    units : NavigationProblem
-        The same in the robot's units.
-    scale : Scale
-        The robot's units.
-    options : ControllerOptions
-        What can be tuned.
-    sqp : SQP
-        Solves.
-    guide : Guide or None
-        Finds paths.
-    pose_age : float
-        How old poses are on arrival, in the robot's units of time.
-    """
+    """The phases of a step."""
 
     def __init__(
         self,
@@ -129,7 +111,7 @@ class Pipeline:
             if changed:
                 # the pose that was expected now is one of another age
                 history.driven, state.innovation = None, InnovationState()
-            age += self._problem.dt * lateness.periods
+            age += self._problem.dt * float(lateness.found.min())
         if age:
             measured = seen.pose
             seen.bring_forward(advance_pose(known.model, measured, history.given, age))

@@ -40,17 +40,7 @@ class StandstillState:
 
 
 class StandstillWatch:
-    """Watches for a robot that stands.
-
-    Parameters
-    ----------
-    units : NavigationProblem
-        In the robot's units.
-    scale : Scale
-        The robot's units.
-    options : GuidanceOptions
-        For how long there may be no movement.
-    """
+    """Watches for a robot that stands."""
 
     def __init__(self, units: NavigationProblem, scale: Scale, options: GuidanceOptions) -> None:
         self._dt, self._scale = units.dt, scale

@@ -14,6 +14,7 @@ from kmpc_lite.control.standstill import StandstillState
 from kmpc_lite.control.world.scene import SceneState
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
@@ -59,6 +60,11 @@ class ControllerState:
     """What scanners told last; None without any."""
     after_solve: float = 0.0
     """How long the work after a QP has taken lately [s]; a time budget leaves so much for it."""
+
+    @property
+    def ramps(self) -> Array | None:
+        """Ramps (m,) that were found while driving."""
+        return None if self.lateness is None else self.lateness.ramps
 
     @classmethod
     def start(

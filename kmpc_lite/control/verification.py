@@ -41,17 +41,7 @@ class Verified(NamedTuple):
 
 
 class Verification:
-    """Checks what the solver found.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius and period.
-    options : StepOptions
-        How much the model may contradict a plan.
-    motions : SafeMotions
-        Finds what may be driven.
-    """
+    """Checks what the solver found."""
 
     def __init__(
         self, problem: NavigationProblem, options: StepOptions, motions: SafeMotions

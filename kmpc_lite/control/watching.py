@@ -19,21 +19,7 @@ from kmpc_lite.types import Array
 
 
 class Watching:
-    """Looks around before a step is planned.
-
-    Parameters
-    ----------
-    units : NavigationProblem
-        In the robot's units.
-    scale : Scale
-        The robot's units.
-    options : ControllerOptions
-        Of sight, tracker and pose, and of which circle is which.
-    reach : float
-        How far from the robot things count, in units.
-    answers : Answers
-        Tells jumps in metres.
-    """
+    """Looks around before a step is planned."""
 
     def __init__(
         self,

@@ -69,15 +69,7 @@ class InnovationState:
 
 
 class Innovation:
-    """Compares poses with what was predicted, and tells those that have jumped.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Period and unit length.
-    options : PoseOptions
-        What is tolerated, and for how long poses must agree.
-    """
+    """Compares poses with what was predicted, and tells those that have jumped."""
 
     def __init__(self, problem: NavigationProblem, options: PoseOptions) -> None:
         self._dt = problem.dt

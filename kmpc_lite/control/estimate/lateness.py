@@ -27,9 +27,9 @@ MEMORY, FEWEST = 4.0, 40
 """For how long errors count [s], and for how many periods at the least."""
 EVIDENCE = 12.0
 """Gain in log-likelihood that another answer must bring."""
-RAMP_TIMES = 0.25 * 2.0 ** (0.25 * np.arange(20))
+RAMP_TIMES = np.geomspace(0.25, 6.7, 20)
 """Times from rest to the fastest command, of robots that follow by ramps [s]."""
-LAGS, GAINS = 0.05 * 2.0 ** (0.5 * np.arange(8)), np.arange(0.3, 1.0, 0.1)
+LAGS, GAINS = np.geomspace(0.05, 0.57, 8), np.arange(0.3, 1.0, 0.1)
 """What else may slow it down: time constants [s], and shares of what is commanded."""
 
 
@@ -45,30 +45,17 @@ class LatenessState:
     count: float = 0.0
     """How many these are, fading as they do."""
     found: Array = field(default_factory=lambda: np.zeros(2, dtype=int))
-    """(2,) how much later than its model says the robot drives, and turns, in periods."""
+    """(2,) how much later than its model says the robot drives, and turns, in periods: it answers
+    by the sooner."""
     passed: Array | None = None
     """(R, m) what has become of the last command behind ramps and lags; none before the first, R is
     0 of a learned robot."""
     ramps: Array | None = None
     """(m,) fastest changes by which it follows its commands, where these are infinite at once."""
 
-    @property
-    def periods(self) -> int:
-        """How much later it answers: of what drives and turns differently late, the sooner."""
-        return int(self.found.min())
-
 
 class Lateness:
-    """Finds how old the commands are that the robot's motion shows.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Its period, and whether its robot turns on the spot: a car whose wheels are slow to turn
-        does not answer late.
-    pose_age : float
-        How old poses are on arrival, which is known.
-    """
+    """Finds how old the commands are that the robot's motion shows."""
 
     def __init__(self, problem: NavigationProblem, pose_age: float) -> None:
         periods = pose_age / problem.dt
@@ -136,13 +123,13 @@ class Lateness:
             return False
         state.errors = squares + (self._fading * state.errors if state.count else 0.0)
         state.count = self._fading * state.count + 1.0
-        late, was, axes = state.errors[:, : len(places)], state.periods, np.arange(2)
+        late, was, axes = state.errors[:, : len(places)], state.found.min(), np.arange(2)
         best = late.argmin(axis=1)
         gain = 0.5 * state.count * np.log(late[axes, state.found] / late[axes, best])
         state.found = np.where(gain > EVIDENCE, best, state.found)
         if not self._turns:
             state.found[1] = state.found[0]
-        return self._follows(state, given[-1]) or state.periods != was
+        return self._follows(state, given[-1]) or bool(state.found.min() != was)
 
     def _follows(self, state: LatenessState, command: Array) -> bool:
         """Whether a ramp explains the motion far better than all else that is known."""

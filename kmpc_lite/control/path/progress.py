@@ -45,10 +45,6 @@ class ProgressState:
         """Let the next path begin a new count: the map or the goal is another one."""
         self.least_left = -math.inf
 
-    def expect_new_goal(self) -> None:
-        """Begin anew: what was reached of another goal does not count."""
-        self.best_left, self.worst_left, self.lost, self.stalls = math.inf, 0.0, 0.0, 0
-
     def begin_path(self, left: float, turn: float, other: bool) -> None:
         """Begin a path.
 

@@ -57,17 +57,6 @@ class Replanner:
 
     Methods named ``watch`` or ``end`` note what they see in the state, once a step, in the order of
     `update`; those named ``is`` only look.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, margin, area, period.
-    options : GuidanceOptions
-        Lengths as the problem's.
-    clock : callable
-        Gives the time [s] that a situation's `until` is on.
-    planner : Planner
-        Finds paths, in the robot's units.
     """
 
     def __init__(
@@ -159,7 +148,9 @@ class Replanner:
         """
         progress, path = state.progress, state.path
         if now.target.tolist() != state.goal.tolist():
-            progress.expect_new_goal()
+            # what was reached of another goal does not count
+            progress.best_left, progress.worst_left = math.inf, 0.0
+            progress.lost, progress.stalls = 0.0, 0
             state.tried = ()
             return False
         if path is None or state.urgent or state.goal_checker.holding:

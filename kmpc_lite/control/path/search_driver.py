@@ -47,19 +47,7 @@ FREE_TURN_CLEARANCE = 0.6
 
 
 class SearchDriver:
-    """Begins searches, brings them forward, and takes over what they find.
-
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, margin, area, period.
-    options : GuidanceOptions
-        How paths are found; lengths as the problem's.
-    clock : callable
-        Gives the time [s] that a situation's `until` is on.
-    planner : Planner
-        Finds paths, in the robot's units.
-    """
+    """Begins searches, brings them forward, and takes over what they find."""
 
     def __init__(
         self,
