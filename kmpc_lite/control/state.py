@@ -43,7 +43,7 @@ class ControllerState:
     innovation: InnovationState = field(default_factory=InnovationState)
     """How poses differed from what was predicted, and whether the pose has jumped."""
     lateness: LatenessState | None = None
-    """How much later than its model says the robot answers; None where that is not looked for."""
+    """How the robot answers beyond its model; None where that is not looked for."""
     circles: TrackedCircles = field(default_factory=TrackedCircles)
     """Circles as given, those out of reach, and what is followed of them and in scans."""
     turn: float = 0.0

@@ -65,8 +65,7 @@ class Lateness:
         self._places = -1 - known - np.arange(latest_answer(problem.dt) + 1)
         self._fading = 1.0 - 1.0 / max(MEMORY / problem.dt, FEWEST)
         unit = unit_length(problem)
-        self._judged = JUDGED_STEP * unit
-        self._step = TOLERATED_STEP * unit
+        self._judged, self._step = JUDGED_STEP * unit, TOLERATED_STEP * unit
         self._turns = problem.wheels.turns_on_the_spot
         full = np.maximum(np.abs(problem.u_min), np.abs(problem.u_max))
         # of a car steering comes between
@@ -141,8 +140,9 @@ class Lateness:
                 break
             best = begin + int(errors[begin:end].argmin())
             others = min(errors[:begin].min(), errors[end:].min())
-            rates = self._rates[best - begin, columns]
-            likelier = 0.5 * state.count * math.log(others / errors[best]) > EVIDENCE
+            # told apart to a step: the slower one is safe; and sooner than a delay, for it brakes
+            rates = self._rates[min(best + 1, end - 1) - begin, columns]
+            likelier = 0.5 * state.count * math.log(others / errors[best]) > 0.75 * EVIDENCE
             if likelier and (rates < known[columns]).any():
                 known[columns], command[columns] = rates, passed[best - begin, columns]
                 errors[:] = errors.min()  # as of now nothing is known any better
