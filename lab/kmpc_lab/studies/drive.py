@@ -130,11 +130,8 @@ def closed_loop(
 
     Parameters
     ----------
-    step : callable
-        Plans from the true pose (3,) in a period, by its number; what is measured of the pose, and
-        seen of the obstacles, is its own affair.
-    move : callable
-        Gives the poses (n, 3) to which a command leads from a pose (3,) in a period.
+    step, move : callable
+        As `periods` has them.
     task : Task
         What is driven.
     """

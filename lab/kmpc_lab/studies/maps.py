@@ -150,7 +150,7 @@ def result_of(run: Run) -> DriveResult:
         ideal_seconds=math.dist(run.scenario.start[:2], run.scenario.goal[:2]) / float(full[0]),
         clearance=run.clearance,
         fastest=float(np.abs(run.inputs[:, 0]).max()),
-        ended=str(run.info.get("reason", run.outcome.value)),
+        ended=str(run.info.get("ended", run.outcome.value)),
         trace=Trace(
             run.states,
             run.inputs,

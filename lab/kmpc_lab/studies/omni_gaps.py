@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lab.sim.plants.followers import Follower, Rollers
 from kmpc_lab.studies.any_wheels import OmniRobot
 from kmpc_lab.studies.drive import DriveResult, drive_past
+from kmpc_lab.studies.parking.scenes import box
 from kmpc_lite.control import Controller, Footprint, Polygon
 from kmpc_lite.scenario.touch import footprint_gaps
 from kmpc_lite.scenario.world import World
@@ -43,20 +44,16 @@ def scene_of(kind: str, seed: int) -> tuple[Array, Array, list[Polygon]]:
     if kind == "sideways":
         half, deep = 0.5 * (LENGTH + SLOT), WIDTH + 0.1
         solids = [
-            _box(-2.0, -deep, -half, 0.0),
-            _box(half, -deep, 2.0, 0.0),
-            _box(-2.0, -deep - THICK, 2.0, -deep),
+            box(-2.0, -deep, -half, 0.0),
+            box(half, -deep, 2.0, 0.0),
+            box(-2.0, -deep - THICK, 2.0, -deep),
         ]
         start = np.array((x, y, random.uniform(-math.pi, math.pi)))
         return start, np.array((0.0, -0.5 * deep, 0.0)), solids
     half = ROUND + DOOR
-    solids = [_box(-3.0, -THICK, -half, 0.0), _box(half, -THICK, 3.0, 0.0)]
+    solids = [box(-3.0, -THICK, -half, 0.0), box(half, -THICK, 3.0, 0.0)]
     turn, away = random.uniform(-math.pi, math.pi, 2), random.uniform((-1.5, -1.6), (1.5, -1.0))
     return np.array((x, y, turn[0])), np.array((*away, turn[1])), solids
-
-
-def _box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
-    return Polygon([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
 def drive(kind: str, seed: int) -> DriveResult:

@@ -32,7 +32,8 @@ class Scene(NamedTuple):
     solids: list[Polygon | Wall]
 
 
-def _box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+    """Rectangle along the axes."""
     return Polygon([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
@@ -51,8 +52,8 @@ def along_a_kerb(gap: float, car: DrawnCar, random: np.random.Generator) -> Scen
     lane = length * random.uniform(1.2, 2.0)
     far = FAR * length
     solids: list[Polygon | Wall] = [
-        _box(-length, -width, 0.0, 0.0),
-        _box(end, -width, end + length, 0.0),
+        box(-length, -width, 0.0, 0.0),
+        box(end, -width, end + length, 0.0),
         Wall(-far, -deep, far + end, -deep, THIN * length),
         Wall(-far, lane, far + end, lane, THIN * length),
     ]
@@ -70,8 +71,8 @@ def in_a_bay(car: DrawnCar, random: np.random.Generator) -> Scene:
     lane = length * random.uniform(1.3, 1.8)
     far = FAR * length
     solids: list[Polygon | Wall] = [
-        _box(-far, -deep, -half, 0.0),
-        _box(half, -deep, far, 0.0),
+        box(-far, -deep, -half, 0.0),
+        box(half, -deep, far, 0.0),
         Wall(-far, -deep, far, -deep, THIN * length),
         Wall(-far, lane, far, lane, THIN * length),
     ]
@@ -96,8 +97,8 @@ def out_of_a_dead_end(car: DrawnCar, random: np.random.Generator) -> Scene:
     road = length * random.uniform(1.4, 2.0)
     far = FAR * length
     solids: list[Polygon | Wall] = [
-        _box(-far, 0.0, -half, deep),
-        _box(half, 0.0, far, deep),
+        box(-far, 0.0, -half, deep),
+        box(half, 0.0, far, deep),
         Wall(-far, deep, far, deep, THIN * length),
         Wall(-far, -road, far, -road, THIN * length),
     ]
