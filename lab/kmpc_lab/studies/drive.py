@@ -188,7 +188,6 @@ def drive_past(
     move: Callable[[Array, Array], Array],
     ends: tuple[Array, Array],
     around: Sequence[Circle | Polygon | Wall],
-    gaps: Callable[[Array], Array],
     times: tuple[float, float],
     obstacles: Callable[[Array], Any] | None = None,
     spread: Array | None = None,
@@ -200,8 +199,6 @@ def drive_past(
     ----------
     around : sequence
         What stands there.
-    gaps : callable
-        As `Task` has it.
     times : tuple of float
         Least and longest time [s].
     obstacles : callable, optional
@@ -223,7 +220,7 @@ def drive_past(
         start,
         goal,
         lambda pose: bool(tolerance.met(pose, goal)),
-        gaps,
+        gaps_of(problem, around),
         *times,
         full=np.maximum(np.abs(problem.u_min), np.abs(problem.u_max)),
         dt=problem.dt,
@@ -244,15 +241,18 @@ def jerk(changes: Array) -> float:
     return float(np.sqrt((changes**2).sum(axis=1).mean())) if len(changes) else 0.0
 
 
-def circle_gaps(problem: NavigationProblem, circles: Sequence[Circle]) -> Callable[[Array], Array]:
-    """Distances of a robot, or of its outline, from circles at rest."""
-    rows = np.array(circles, dtype=float).reshape(1, -1, 5)
+def gaps_of(
+    problem: NavigationProblem, around: Sequence[Circle | Polygon | Wall]
+) -> Callable[[Array], Array]:
+    """Distances (n,) of a robot at poses (n, 3), by its outline, from what stands there.
 
-    def gaps(poses: Array) -> Array:
-        if problem.footprint is not None:
-            return footprint_gaps(problem.footprint, poses, rows.repeat(len(poses), axis=0), ())
-        away = np.hypot(*np.moveaxis(poses[:, None, :2] - rows[..., :2], -1, 0)) - rows[..., 2]
-        out: Array = away.min(axis=1, initial=np.inf) - problem.robot_radius
-        return out
-
-    return gaps
+    A round robot is measured from circles and polygons.
+    """
+    rows = np.array([c for c in around if isinstance(c, Circle)], dtype=float).reshape(1, -1, 5)
+    solids = [thing for thing in around if not isinstance(thing, Circle)]
+    if (outline := problem.footprint) is not None:
+        return lambda poses: footprint_gaps(outline, poses, rows.repeat(len(poses), 0), solids)
+    corners = [np.array(solid.vertices) for solid in solids if isinstance(solid, Polygon)]
+    edges = [np.hstack([some, np.roll(some, -1, axis=0)]) for some in corners]
+    world, radius = World(rows[0], np.concatenate([np.empty((0, 4)), *edges])), problem.robot_radius
+    return lambda poses: world.clearance(poses[:, :2], np.zeros(len(poses))) - radius

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn
-from kmpc_lab.studies.drive import DriveResult, circle_gaps, drive_past
+from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.table import DRIVES, FEASIBLE, GAP, JERK, LOST, TIME, Column, mean_of
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel
@@ -154,7 +154,6 @@ def drive(name: str, knows: str, reach: float, seed: int) -> DriveResult:
         RobotPlant(robot, seed).drive,
         (start, goal),
         circles,
-        circle_gaps(problem, circles),
         (ideal, 5.0 * ideal + 20.0),
         seen,
     )

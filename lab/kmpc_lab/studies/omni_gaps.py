@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +12,6 @@ from kmpc_lab.studies.any_wheels import OmniRobot
 from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.parking.scenes import box
 from kmpc_lite.control import Controller, Footprint, Polygon
-from kmpc_lite.scenario.touch import footprint_gaps
-from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
 LENGTH, WIDTH, ROUND = 0.5, 0.36, 0.2
@@ -69,18 +66,7 @@ def drive(kind: str, seed: int) -> DriveResult:
         ready.plant.drive,
         (start, goal),
         solids,
-        gaps_of(robot, solids),
         (ideal, 5.0 * ideal + 30.0),
         spread=np.array((place, place, turn)),
         seed=seed,
     )
-
-
-def gaps_of(robot: OmniRobot, solids: Sequence[Polygon]) -> Callable[[Array], Array]:
-    """Distances (n,) of a robot at poses (n, 3) from solids, by its outline."""
-    if (outline := robot.footprint) is not None:
-        return lambda poses: footprint_gaps(outline, poses, np.empty((len(poses), 0, 3)), solids)
-    corners = [np.array(solid.vertices) for solid in solids]
-    edges = [np.hstack([some, np.roll(some, -1, axis=0)]) for some in corners]
-    world = World((), np.concatenate(edges))
-    return lambda poses: world.clearance(poses[:, :2], np.zeros(len(poses))) - robot.radius

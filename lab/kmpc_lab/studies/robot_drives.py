@@ -20,7 +20,7 @@ from kmpc_lab.studies.any_robot import (
     scaled,
 )
 from kmpc_lab.studies.any_wheels import CarRobot, Moves, OmniRobot, draw_car, draw_omni
-from kmpc_lab.studies.drive import DriveResult, circle_gaps, drive_past
+from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.table import DRIVES, STOPPED, TIME, Column, count_of
 from kmpc_lite.cli.extras import need
 from kmpc_lite.control import Circle, Controller
@@ -71,7 +71,6 @@ def judge(seed: int, controller: Controller, plant: Moves, course: Course) -> Dr
         plant.drive,
         (course.start, course.goal),
         course.circles,
-        circle_gaps(controller.problem, course.circles),
         (course.ideal, 8.0 * course.ideal + 20.0),
         spread=course.spread,
         seed=seed,

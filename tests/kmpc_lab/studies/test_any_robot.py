@@ -31,9 +31,8 @@ def test_a_robot_that_is_not_round_is_judged_by_its_outline() -> None:
     row = drive(robot, 3004)
     assert row.arrived and not row.collided
     course = course_of(robot, 3004)
-    corner = max(
-        footprint.at(course.start).tolist(), key=lambda p: np.hypot(*(p - course.start[:2]))
-    )
+    corners = footprint.at(course.start)
+    corner = corners[np.hypot(*(corners - course.start[:2]).T).argmax()].tolist()
     in_it = [kl.Circle(*corner, 0.02)]
     controller = kl.Controller(kl.nominal_unicycle(0.1), robot.problem(course.side))
     touched = judge(1, controller, RobotPlant(robot, 1), replace(course, circles=in_it))

@@ -15,7 +15,6 @@ from kmpc_lab.studies.table import DRIVES, GAP, JERK, TIME, Column, Rows, median
 from kmpc_lite.control import Controller
 from kmpc_lite.control.kernels.reeds_shepp import TURNS, curves
 from kmpc_lite.model.nominal import nominal_unicycle
-from kmpc_lite.scenario.touch import footprint_gaps
 from kmpc_lite.types import Array
 
 MOST_TIMES, MOST = 10.0, 60.0
@@ -99,14 +98,10 @@ def judge(seed: int, car: DrawnCar, scene: Scene) -> DriveResult:
     """Drive, and judge by the true poses."""
     least = least_seconds(car, scene.start, scene.goal)
 
-    def gaps(poses: Array) -> Array:
-        return footprint_gaps(car.footprint, poses, np.empty((len(poses), 0, 3)), scene.solids)
-
     return drive_past(
         Controller(nominal_unicycle(DT), car.problem()),
         Bicycle(car, seed).drive,
         (scene.start, scene.goal),
         scene.solids,
-        gaps,
         (least, MOST_TIMES * least + MOST * car.length / car.speed),
     )

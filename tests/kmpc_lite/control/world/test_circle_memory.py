@@ -11,7 +11,7 @@ import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.plants.robots import DifferentialDrive
-from kmpc_lab.studies.drive import circle_gaps, drive_past
+from kmpc_lab.studies.drive import drive_past
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.world.tracking import Tracking
@@ -104,20 +104,19 @@ def controller(problem: kl.NavigationProblem = PROBLEM) -> kl.Controller:
 
 
 def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:
-    # a circle beside each of them makes the other one quicker
-    scenario = random_map("open", 907)
+    scenario = random_map("open", 907)  # a circle beside each makes the other one quicker
     area = {**AREA, "du_max": (1.5, 5.0), "u_min": (-0.6, -0.785), "u_max": (0.6, 0.785)}
     ends = np.array(scenario.start), np.array(scenario.goal)
 
     def seconds(reach: float | None) -> float:
+        far, plant = (reach or math.inf) + 0.15, DifferentialDrive(seed=907)
+        robot = controller(kl.NavigationProblem(**area, sensor_range=reach))
+
         def seen(pose: Array) -> list[kl.Circle]:
-            far = math.inf if reach is None else reach + 0.15
             return [c for c in scenario.circles if math.dist(c[:2], pose[:2]) - c.radius <= far]
 
-        robot = controller(kl.NavigationProblem(**area, sensor_range=reach))
-        plant, gaps = DifferentialDrive(seed=907), circle_gaps(robot.problem, scenario.circles)
         move = lambda pose, command: plant.trace(pose, command, 0.1, 4)  # noqa: E731
-        row = drive_past(robot, move, ends, scenario.circles, gaps, (1.0, 60.0), seen)
+        row = drive_past(robot, move, ends, scenario.circles, (1.0, 60.0), seen)
         assert row.arrived and not row.collided
         return row.seconds
 
