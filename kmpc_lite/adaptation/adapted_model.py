@@ -26,7 +26,7 @@ LARGEST_PULL = 0.3
 
 
 def adapted_model(
-    base: KoopmanModel, gains: Gains, responses: Array, noise: NoiseModel, told: dict[str, int]
+    base: KoopmanModel, gains: Gains, noise: NoiseModel, told: dict[str, int]
 ) -> KoopmanModel:
     """Apply gains to a learned model.
 
@@ -36,8 +36,6 @@ def adapted_model(
         The learned one.
     gains : Gains
         Of the velocity ahead and to the left, of the turn rate, the pull, and of speeds sideways.
-    responses : ndarray
-        (nw,) how much each bilinear input drives the robot ahead.
     noise : NoiseModel
         Of the residuals that the gains leave.
     told : dict
@@ -47,12 +45,20 @@ def adapted_model(
         [[gains.ahead, -gains.left, 0.0], [gains.left, gains.ahead, 0.0], [0.0, 0.0, gains.turn]]
     )
     b = mix @ base.B
-    b[2] += gains.pull * responses
+    b[2] += gains.pull * _ahead(base)
     h = mix @ base.H
     if drives_sideways(base):
         h += (gains.aside - gains.ahead) * _driven_sideways(base)
     info = {**base.info, "adaptation": {**gains._asdict(), **told}}
     return replace(base, A=mix @ base.A, H=h, B=b, noise_model=noise, info=info)
+
+
+def _ahead(model: KoopmanModel) -> Array:
+    """How much each bilinear input (nw,) drives the robot ahead."""
+    lifted = model.dictionary.lift(np.zeros(STATES))
+    terms = model.H.reshape(STATES, -1, len(lifted))[0] @ lifted
+    out: Array = terms + model.B[0]
+    return out
 
 
 def drives_sideways(model: KoopmanModel) -> bool:

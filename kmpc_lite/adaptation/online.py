@@ -25,21 +25,21 @@ from kmpc_lite.adaptation.adapted_model import (
     refuse,
 )
 from kmpc_lite.adaptation.gains import (
-    Estimate,
+    Evidence,
     contradiction,
     estimate,
+    evidence,
     residual_covariance,
-    weighed_squares,
     went_back_and_forth,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.regressor import Regressor, one_period
-from kmpc_lite.adaptation.state import STEP_SIZE, SUMS, AdaptationCounts, AdaptationState, Gains
+from kmpc_lite.adaptation.state import AdaptationCounts, AdaptationState, Gains
+from kmpc_lite.adaptation.steps import Steps, one_period
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import STATES, Array
+from kmpc_lite.types import STATES
 
 LOG = logging.getLogger("kmpc_lite.adaptation")
 FEWEST_STEPS = 8
@@ -58,13 +58,13 @@ model is another robot's."""
 
 
 class OnlineAdaptation:
-    """Recursive least squares on the integral form, with guards.
+    """Least squares over the newest steps, with guards.
 
-    Every step regresses the measured displacement on the one that the learned model gives between
-    the two measured poses (`Regressor`). Two sets of sums are kept: the newest steps of a window,
-    and all with exponential forgetting. A model is given only where one of them contradicts the
-    gains in use significantly; the window then replaces the older sums, and the model is given
-    again each time that the number of steps since the change has doubled, until the memory is full.
+    Every step tells the measured displacement beside the one that the learned model gives. A model
+    is given only where those of a window, or all that are remembered, with exponential forgetting,
+    contradict the gains in use significantly: what was before the likeliest change is left, and the
+    model is given again each time that the number of steps since has doubled, until the memory is
+    full.
     Standing still, steps within the noise, and broken measurements change nothing, however long
     they last.
 
@@ -124,18 +124,15 @@ class OnlineAdaptation:
         period = model.dt / self.scale.time
         self._window = max(FEWEST_STEPS, round(self.options.window / period))
         self._memory = max(2 * self._window, round(self.options.memory / period))
-        self._regressor = Regressor(model, self.scale, self._memory)
+        self._fading = 1.0 - 1.0 / self._memory
         noise = model.noise_model
-        self._learned_noise = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
+        self._noise = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
+        self._steps = Steps(model, self._noise, self.scale)
         self.reset()
 
     def reset(self) -> None:
         """Forget all steps and go back to the learned model."""
-        self.model = self.base
-        self.state = AdaptationState(
-            np.zeros((self._window, SUMS)), np.zeros((self._memory, STEP_SIZE)), [], []
-        )
-        self.state.weigh_by(self._learned_noise)
+        self.model, self.state = self.base, AdaptationState.start(self._memory, self._noise)
 
     def restore(self, state: AdaptationState, model: KoopmanModel) -> None:
         """Go on from what was remembered, and the model that was made of it."""
@@ -190,92 +187,78 @@ class OnlineAdaptation:
         state = self.state
         if state.ended:
             return None
-        row = self._regressor.row(state, before, command, after, past)
-        if row is None:
+        step = self._steps.step(state, before, command, after, past)
+        if step is None:
             return None
-        state.recent[state.count % self._window] = row
-        newest = state.raw[state.count % self._memory]
-        state.count += 1
-        state.since += 1
-        state.slow *= 1.0 - 1.0 / self._memory
-        state.slow += row
-        state.slow_count = state.slow_count * (1.0 - 1.0 / self._memory) + 1.0
-        if self._is_worse(newest):
-            return self._return_to_base()
-        return self._look_for_change()
-
-    def _look_for_change(self) -> KoopmanModel | None:
-        """Give a model where the newest steps contradict the gains in use."""
-        state, options = self.state, self.options
+        state.add(step)
         # every other step is soon enough
-        if state.since >= self._window and state.count % 2 == 0:
-            newest = self._estimate(state.recent.sum(axis=0))
-            if newest.distance > options.window_alarm and self._confirmed(
-                newest.gains, self._window
-            ):
-                return self._change()
-        if state.slow_count >= state.next_model > 0:
+        if state.count % 2 == 0 and state.since >= self._window:
+            if self._contradicts(self._evidence(self._window), self.options.window_alarm):
+                return self._give_since_change()
+        if self._memory * (1.0 - self._fading**state.since) >= state.next_model > 0:
             following = 2 * state.next_model
             state.next_model = following if following < 0.9 * self._memory else 0
-            return self._give(self._estimate(state.slow).gains)
-        # changes that the window is too short to show: they cannot come suddenly, so it is enough
-        # to look for them now and then
+            return self._give(self._estimate(self._evidence(self._memory))[0])
+        # changes that the window is too short to show cannot come suddenly
         if state.count % 8 == 0 and state.since > 2 * self._window:
-            slow = self._estimate(state.slow)
-            if slow.distance > options.memory_alarm and self._confirmed(
-                slow.gains, min(state.since, self._memory)
-            ):
-                return self._give(slow.gains)
+            steps = self._evidence(self._memory)
+            if self._is_worse(steps):
+                return self._return_to_base()
+            if self._contradicts(steps, self.options.memory_alarm):
+                return self._give_since_change()
         return None
 
-    def _estimate(self, sums: Array, scaled: bool = True) -> Estimate:
-        return estimate(sums.tolist(), self.state.gains, scaled, self.scale.length)
-
-    def _is_worse(self, step: Array) -> bool:
-        """Whether the adapted model has predicted the newest drive worse than the learned one."""
+    def _evidence(self, most: int) -> Evidence:
+        """Weighed steps since the change, at most so many."""
         state = self.state
-        if state.gains == Gains():
-            return False
-        fading = 1.0 - 1.0 / self._memory
-        learned, adapted = (weighed_squares(step, gains) for gains in (Gains(), state.gains))
-        state.errors = (
-            fading * state.errors[0] + float(learned),
-            fading * state.errors[1] + float(adapted),
-        )
-        state.judged += 1
-        return state.judged >= 2 * self._window and state.errors[1] > WORSE * state.errors[0]
+        return evidence(state.newest(most), state.noise, self._steps.white, self.scale.length)
 
-    def _return_to_base(self) -> KoopmanModel:
-        """Give the learned model again, and begin anew."""
-        self.state.forget()
-        self.state.gains = Gains()
-        self.state.counts.models += 1
-        self.state.weigh_by(self._learned_noise)
-        self.model = self.base
-        return self.base
+    def _estimate(self, steps: Evidence) -> tuple[Gains, float]:
+        """Estimate gains from steps, older ones by a fading weight, and how far they are off."""
+        fading = self._fading ** np.arange(len(steps.tells))
+        place, turns = (np.tensordot(fading, squares, 1) for squares in steps.squares)
+        now, length = self.state.gains, self.scale.length
+        gains, distance = estimate((place, turns), fading @ steps.tells, now, length)
+        return Gains(*gains.tolist()), float(distance)
 
-    def _change(self) -> KoopmanModel | None:
-        """Forget what was before a change, and give a model of what came after.
+    def _contradicts(self, steps: Evidence, alarm: float) -> bool:
+        """Whether steps contradict the gains in use significantly, by their own scatter, too."""
+        gains, distance = self._estimate(steps)
+        return distance > alarm and contradiction(steps, self.state.gains, gains) > CONFIRMATION
+
+    def _give_since_change(self) -> KoopmanModel | None:
+        """Leave what was before a change, and give a model of what came after.
 
         The change is where the steps after it gain most from gains of their own (the likeliest
         one); it is waited for until there are enough of them.
         """
-        state = self.state
-        order = (state.count - 1 - np.arange(self._window)) % self._window
-        sums = np.cumsum(state.recent[order], axis=0)
-        lengths = range(1, self._window + 1)
-        best = max(lengths, key=lambda n: self._estimate(sums[n - 1], scaled=False).distance)
+        state, steps = self.state, self._evidence(self._memory)
+        place, turns = (np.cumsum(squares, axis=0) for squares in steps.squares)
+        tells, length = np.cumsum(steps.tells, axis=0), self.scale.length
+        likely = estimate((place, turns), tells, state.gains, length, scaled=False)[1]
+        best = int(likely.argmax()) + 1
         if best < FEWEST_STEPS:
             return None
-        state.recent[order[best:]] = 0.0
-        state.slow[:] = sums[best - 1]
-        state.slow_count, state.since, state.next_model = float(best), best, 2 * best
-        return self._give(self._estimate(state.slow).gains)
+        state.since, state.next_model = best, 2 * best
+        return self._give(self._estimate(self._evidence(self._memory))[0])
 
-    def _confirmed(self, gains: Gains, count: int) -> bool:
-        """Whether the newest steps contradict the gains in use by more than their own scatter."""
-        steps = self.state.raw[self.state.kept(count)].T
-        return contradiction(steps, self.state.gains, gains) > CONFIRMATION
+    def _is_worse(self, steps: Evidence) -> bool:
+        """Whether the adapted model has predicted the newest drive worse than the learned one."""
+        state = self.state
+        if state.gains == Gains() or state.judged < 2 * self._window:
+            return False
+        judged = Evidence(*(part[: state.judged] for part in steps))
+        learned, adapted = (judged.error(g, self._fading) for g in (Gains(), state.gains))
+        return adapted > WORSE * learned
+
+    def _return_to_base(self) -> KoopmanModel:
+        """Give the learned model again, and begin anew."""
+        state = self.state
+        state.forget()
+        state.gains, state.noise = Gains(), self._noise
+        state.counts.models += 1
+        self.model = self.base
+        return self.base
 
     def _give(self, gains: Gains) -> KoopmanModel | None:
         """Put gains into use, if a floor can cause them."""
@@ -288,32 +271,30 @@ class OnlineAdaptation:
             state.ended = lag
             LOG.warning("%s", state.ended)
             return self._return_to_base()
-        state.gains, state.refusals = gains, 0
-        state.errors, state.judged = (0.0, 0.0), 0
+        state.gains, state.refusals, state.judged = gains, 0, 0
         state.counts.models += 1
-        count = min(state.since, self._memory)
-        coefficients = residual_covariance(
-            state.raw[state.kept(count)].T, gains, self._learned_noise, self.scale
-        )
+        steps = state.newest(self._memory)
+        coefficients = residual_covariance(steps, gains, self._noise, self.scale)
         if state.since >= self._window:
-            self._regressor.reweigh(state, coefficients)
+            # with the old weights, the tails of a larger noise would look like changes
+            state.noise = coefficients
         # few steps tell the noise poorly: two standard errors of a variance on top, so that margins
         # are not too narrow
-        noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / count)))
+        noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / len(steps))))
         told = {"steps": state.count, "since_change": state.since}
-        self.model = adapted_model(self.base, gains, self._regressor.responses, noise, told)
+        self.model = adapted_model(self.base, gains, noise, told)
         return self.model
 
     def _refuse(self, gains: Gains, refusal: Refusal) -> None:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
-        steps = state.raw[state.kept(min(state.since, self._memory))].T
-        left, usual = (float(weighed_squares(steps, g).sum()) for g in (gains, Gains()))
+        drive, steps = state.newest(self._memory), self._evidence(self._memory)
+        explains = steps.error(gains) < 0.5 * steps.error(Gains())
         # whatever that was, it was no floor: what comes after it must not be mixed with it
         state.forget()
-        if not left < 0.5 * usual:
+        if not explains:
             return  # nor was it a robot of another kind: those gains explain nothing
-        if went_back_and_forth(steps, BACK_AND_FORTH, refusal.turning):
+        if went_back_and_forth(drive, BACK_AND_FORTH, refusal.turning):
             return  # an unknown lag looks like any gain there
         state.refusals += 1
         if state.refusals >= REFUSALS:

@@ -136,20 +136,6 @@ class SymmetricForm:
         by_w = by_body.reshape(-1, STATES) @ self.motion.T
         return value, by_x, by_w.reshape(*by_body.shape[:-1], -1)
 
-    def displacement(
-        self, heading: float, turned: float, w: Array
-    ) -> tuple[float, float, float, float]:
-        """Displacement x, y, turn and distance ahead of inputs (nw,), along measured headings.
-
-        The motion in the robot's frame, integrated from a heading to the one `turned` farther on
-        (Simpson's rule), as the integral fit does.
-        """
-        ahead, left, round_ = (w @ self.motion).tolist()
-        middle, end = heading + 0.5 * turned, heading + turned
-        cos = (math.cos(heading) + 4.0 * math.cos(middle) + math.cos(end)) / 6.0
-        sin = (math.sin(heading) + 4.0 * math.sin(middle) + math.sin(end)) / 6.0
-        return ahead * cos - left * sin, ahead * sin + left * cos, round_, ahead
-
     def _displacements(self, headings: Array, body: Array) -> Array:
         """Where motions (..., 3) in the robot's frame lead from headings (...)."""
         ahead, left, turned = body[..., 0], body[..., 1], body[..., 2]
