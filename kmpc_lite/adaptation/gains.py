@@ -26,45 +26,52 @@ leaves fewer, and from those any gain may come out by chance."""
 PRIOR, PULL_PRIOR = 0.3, 0.1
 """Prior standard deviations of gains, and of the pull [rad per unit of length]: a gain that a drive
 does not show stays as it was."""
-NO_PRIOR = 1e-9
-"""Weight of a prior, as a share of what steps tell, that decides nothing."""
 EVEN_NOISE = 0.3
 """Share of the usual noise that is added to every step's own: without it, the few slowest steps
 would outweigh all others where poses are noisy."""
 NOISE_FLOOR, TURN_NOISE_FLOOR = 1 / 300, 5e-4
 """Smallest noise that a step [radii] and its turn [rad] have: what poses are measured to."""
-PLACE, TURNS = [0, 1, 4], [2, 3]
-"""Which gains the displacement tells, and the turn."""
+ROWS = np.array([[2.0], [1.0]])
+"""Numbers that a step tells of its displacement, and of its turn."""
 
 
 class Evidence(NamedTuple):
-    """Weighed rows of steps, the newest first: what each would add to the normal equations."""
+    """Weighed steps, the newest first."""
 
-    place: Array
-    """(n, 2, 4) by the gains ahead, left and aside, and as measured."""
-    turns: Array
-    """(n, 1, 3) by turn and pull, and as measured."""
+    columns: Array
+    """(2, 4, 2, n) displacements and turns by three gains each, and as measured; 0 where there is
+    none: a turn is one number, by two gains."""
     tells: Array
-    """(n, 2) whether it tells of moving, and of turning."""
+    """(2, n) 1 where a step tells of moving, and of turning."""
 
-    @property
-    def squares(self) -> tuple[Array, Array]:
-        """Normal equations (n, 4, 4) and (n, 3, 3) of each step."""
-        place, turns = self.place, self.turns
-        return place.transpose(0, 2, 1) @ place, turns.transpose(0, 2, 1) @ turns
+    def sums(self, weights: Array) -> tuple[Array, Array]:
+        """Normal equations (2, 4, 4), and how many steps tell (2,), by weights of steps (n,)."""
+        columns = self.columns.reshape(2, 4, -1)
+        weighed = (self.columns * weights).reshape(2, 4, -1)
+        return weighed @ columns.transpose(0, 2, 1), self.tells @ weights
 
-    def residuals(self, gains: Array) -> tuple[Array, Array]:
-        """Weighed residuals (n, 2) and (n, 1) under gains (5,)."""
-        return (
-            self.place[..., -1] - self.place[..., :-1] @ gains[PLACE],
-            self.turns[..., -1] - self.turns[..., :-1] @ gains[TURNS],
+    def running_sums(self) -> tuple[Array, Array]:
+        """Return the same (n, ...) of the newest step, of the newest two, and so on."""
+        squares = np.einsum("bikn,bjkn->nbij", self.columns, self.columns)
+        return np.cumsum(squares, axis=0), np.cumsum(self.tells, axis=1).T
+
+    def residuals(self, gains: Gains) -> Array:
+        """Weighed residuals (2, 2, n)."""
+        columns = self.columns
+        left: Array = columns[:, 3] - (_by_block(gains)[..., None, None] * columns[:, :3]).sum(
+            axis=1
         )
+        return left
 
-    def error(self, gains: Gains, fading: float = 1.0) -> float:
-        """Sum of weighed squared residuals under gains, those of older steps by a fading weight."""
-        place, turns = self.residuals(np.array(gains))
-        squares = (place * place).sum(axis=1) + (turns * turns).sum(axis=1)
-        return float(squares @ fading ** np.arange(len(squares)))
+    def error(self, gains: Gains, weights: Array) -> float:
+        """Sum of squared residuals of steps that count by weights (n,)."""
+        left = self.residuals(gains)
+        return float(((left * left) @ weights).sum())
+
+
+def _by_block(gains: Gains) -> Array:
+    """Gains (2, 3) of displacements and turns."""
+    return np.array(((gains.ahead, gains.left, gains.aside), (gains.turn, gains.pull, 0.0)))
 
 
 def evidence(steps: Array, noise: Array, white: Array, length: float) -> Evidence:
@@ -81,32 +88,29 @@ def evidence(steps: Array, noise: Array, white: Array, length: float) -> Evidenc
     length : float
         The robot's unit of length [m].
     """
-    px, py, dx, dy, h, g, turned, sx, sy = steps[:, WHITE].T
-    at_rest, by_speed, by_turn = (np.array((0.5 * (c[0, 0] + c[1, 1]), c[2, 2])) for c in noise)
-    at_rest += ((NOISE_FLOOR * UNIT_RADIUS * length) ** 2, TURN_NOISE_FLOOR**2)
-    by_command = np.stack([by_speed, by_turn])
-    own = at_rest + steps[:, SPEEDS] @ by_command
-    weights = np.sqrt(steps[:, TELLS] / (own + EVEN_NOISE * own.mean(axis=0)) / white)
-    place = np.array(((px - sx, -py, sx, dx), (py - sy, px, sy, dy)))
-    turns = np.array(((h, g, turned),))
-    return Evidence(
-        (weights[:, 0] * place).transpose(2, 0, 1),
-        (weights[:, 1] * turns).transpose(2, 0, 1),
-        steps[:, TELLS] > 0.0,
-    )
+    columns = steps.T
+    px, py, dx, dy, h, g, turned, sx, sy = columns[WHITE]
+    floors = np.array(((NOISE_FLOOR * UNIT_RADIUS * length) ** 2, TURN_NOISE_FLOOR**2))
+    by_command = np.array((0.5 * (noise[:, 0, 0] + noise[:, 1, 1]), noise[:, 2, 2]))
+    own = (by_command[:, 0] + floors)[:, None] + by_command[:, 1:] @ columns[SPEEDS]
+    usual = np.add.reduce(own, axis=1, keepdims=True) / len(steps)
+    weights = np.sqrt(columns[TELLS] / ((own + EVEN_NOISE * usual) * white[:, None]))
+    out = np.zeros((2, 4, 2, len(steps)))
+    out[0] = (px - sx, py - sy), (-py, px), (sx, sy), (dx, dy)
+    out[1, [0, 1, 3], 0] = h, g, turned
+    out *= weights[:, None, None]
+    return Evidence(out, columns[TELLS])
 
 
 def estimate(
-    found: tuple[Array, Array], tells: Array, now: Gains, length: float, scaled: bool = True
+    sums: tuple[Array, Array], now: Gains, length: float, scaled: bool = True
 ) -> tuple[Array, Array]:
     """Estimate gains (..., 5), and their squared distance (...) to those in use in standard errors.
 
     Parameters
     ----------
-    found : tuple of ndarray
-        Normal equations (..., 4, 4) and (..., 3, 3), summed over steps.
-    tells : ndarray
-        (..., 2) how many of the steps tell of moving, and of turning.
+    sums : tuple of ndarray
+        Normal equations (..., 2, 4, 4), and how many steps tell of moving, and of turning (..., 2).
     now : Gains
         Those in use, which a prior keeps where a drive does not show them.
     length : float
@@ -115,27 +119,25 @@ def estimate(
         Whether the variance of the residuals is measured; else it is the noise model's, so that
         sets of steps compare.
     """
-    used = np.array(now)
-    gains, distance = np.empty((*tells.shape[:-1], len(used))), np.zeros(tells.shape[:-1])
-    priors = np.full(3, PRIOR), np.array((PRIOR, PULL_PRIOR / length))
-    for k, (which, rows) in enumerate(((PLACE, 2.0), (TURNS, 1.0))):
-        equations, prior, one = found[k], priors[k], np.eye(len(which))
-        # in units of the prior
-        shares = equations[..., :-1, :-1] * (prior * prior[:, None])
-        told = equations[..., :-1, -1:] * prior[:, None]
-        scale = np.ones((*distance.shape, 1, 1))
-        if scaled:
-            weight = NO_PRIOR * np.maximum(np.trace(shares, axis1=-2, axis2=-1), 1.0)
-            free = shares + weight[..., None, None] * one
-            explained = told.swapaxes(-2, -1) @ np.linalg.solve(free, told)
-            freedom = np.maximum(rows * tells[..., k] - 2.0, 1.0)[..., None, None]
-            scale = np.maximum((equations[..., -1:, -1:] - explained) / freedom, QUIETEST)
-        excess = told - shares @ (used[which] / prior)[:, None]
-        step = np.linalg.solve(shares + scale * one, excess)
-        step *= (tells[..., k] >= FEWEST)[..., None, None]
-        distance += ((step.swapaxes(-2, -1) @ excess) / scale)[..., 0, 0]
-        gains[..., which] = used[which] + step[..., 0] * prior
-    return gains, distance
+    equations, counts = sums[0], sums[1][..., None]
+    prior = np.array(((PRIOR,) * 3, (PRIOR, PULL_PRIOR / length, PRIOR)))
+    used = _by_block(now)
+    # in units of the prior, along the directions that tell independently of each other
+    tell, along = np.linalg.eigh(equations[..., :3, :3] * (prior[:, None] * prior[..., None]))
+    tell, across = np.maximum(tell, 0.0), along.swapaxes(-2, -1)
+    told = (across @ (equations[..., :3, 3:] * prior[..., None]))[..., 0]
+    scale: Array | float = 1.0
+    if scaled:
+        # what rounding leaves of a direction that nothing tells explains nothing
+        least = np.finfo(float).eps * np.maximum(tell[..., -1:], 1.0)
+        explained = (told * told / (tell + least)).sum(axis=-1, keepdims=True)
+        freedom = np.maximum(ROWS * counts - 2.0, 1.0)
+        scale = np.maximum((equations[..., 3, 3:] - explained) / freedom, QUIETEST)
+    excess = told - tell * (across @ (used / prior)[..., None])[..., 0]
+    step = excess / (tell + scale) * (counts >= FEWEST)
+    distance = (step * excess / scale).sum(axis=(-2, -1))
+    gains = used + (along @ step[..., None])[..., 0] * prior
+    return gains.reshape(*distance.shape, -1)[..., [0, 1, 3, 4, 2]], distance
 
 
 def contradiction(steps: Evidence, now: Gains, new: Gains) -> float:
@@ -143,16 +145,13 @@ def contradiction(steps: Evidence, now: Gains, new: Gains) -> float:
 
     It is in standard errors, over the gains that enough of the steps depend on.
     """
-    out = 0.0
-    rows = steps.place[..., :-1], steps.turns[..., :-1]
-    both = (steps.residuals(np.array(gains)) for gains in (now, new))
-    for row, used, own in zip(rows, *both, strict=True):
-        # by how much each step asks for a larger value of each gain
-        pulls, scores = ((row * left[..., None]).sum(axis=1) for left in (used, own))
-        scatter = np.maximum((scores**2).sum(axis=0), 1e-12)
-        enough = np.count_nonzero(scores, axis=0) >= FEWEST
-        out += float((pulls.sum(axis=0) ** 2 / scatter)[enough].sum())
-    return out
+    # by how much each step asks for a larger value of each gain
+    pulls, scores = (
+        (steps.columns[:, :3] * steps.residuals(gains)[:, None]).sum(axis=2) for gains in (now, new)
+    )
+    scatter = np.maximum((scores**2).sum(axis=-1), 1e-12)
+    enough = np.count_nonzero(scores, axis=-1) >= FEWEST
+    return float((pulls.sum(axis=-1) ** 2 / scatter)[enough].sum())
 
 
 def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale) -> Array:

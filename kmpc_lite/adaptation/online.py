@@ -33,7 +33,7 @@ from kmpc_lite.adaptation.gains import (
     went_back_and_forth,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import AdaptationCounts, AdaptationState, Gains
+from kmpc_lite.adaptation.state import STEP_SIZE, AdaptationCounts, AdaptationState, Gains
 from kmpc_lite.adaptation.steps import Steps, one_period
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
@@ -45,6 +45,8 @@ LOG = logging.getLogger("kmpc_lite.adaptation")
 FEWEST_STEPS = 8
 """Least number of steps since a change from which a model is given. Steps, not seconds: how surely
 gains are known hangs on how many tell of them."""
+LOOKS = 5
+"""How often a window is looked at while it passes."""
 CONFIRMATION = 20.0
 """Squared distance, with the noise of the newest steps alone, that an alarm must exceed, too: a few
 slow steps would count too much if poses are noisier than in the log."""
@@ -124,7 +126,7 @@ class OnlineAdaptation:
         period = model.dt / self.scale.time
         self._window = max(FEWEST_STEPS, round(self.options.window / period))
         self._memory = max(2 * self._window, round(self.options.memory / period))
-        self._fading = 1.0 - 1.0 / self._memory
+        self._weights = (1.0 - 1.0 / self._memory) ** np.arange(self._memory)
         noise = model.noise_model
         self._noise = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
         self._steps = Steps(model, self._noise, self.scale)
@@ -132,7 +134,8 @@ class OnlineAdaptation:
 
     def reset(self) -> None:
         """Forget all steps and go back to the learned model."""
-        self.model, self.state = self.base, AdaptationState.start(self._memory, self._noise)
+        steps = np.zeros((self._memory, STEP_SIZE))
+        self.model, self.state = self.base, AdaptationState(steps, self._noise)
 
     def restore(self, state: AdaptationState, model: KoopmanModel) -> None:
         """Go on from what was remembered, and the model that was made of it."""
@@ -191,16 +194,16 @@ class OnlineAdaptation:
         if step is None:
             return None
         state.add(step)
-        # every other step is soon enough
-        if state.count % 2 == 0 and state.since >= self._window:
+        # some times a window is soon enough, and not both in one step
+        every = max(1, self._window // LOOKS)
+        if state.count % every == 0 and state.since >= self._window:
             if self._contradicts(self._evidence(self._window), self.options.window_alarm):
                 return self._give_since_change()
-        if self._memory * (1.0 - self._fading**state.since) >= state.next_model > 0:
+        if self._weights[: state.since].sum() >= state.next_model > 0:
             following = 2 * state.next_model
             state.next_model = following if following < 0.9 * self._memory else 0
             return self._give(self._estimate(self._evidence(self._memory))[0])
-        # changes that the window is too short to show cannot come suddenly
-        if state.count % 8 == 0 and state.since > 2 * self._window:
+        if state.count % (2 * every) == every // 2 and state.since > 2 * self._window:
             steps = self._evidence(self._memory)
             if self._is_worse(steps):
                 return self._return_to_base()
@@ -215,10 +218,8 @@ class OnlineAdaptation:
 
     def _estimate(self, steps: Evidence) -> tuple[Gains, float]:
         """Estimate gains from steps, older ones by a fading weight, and how far they are off."""
-        fading = self._fading ** np.arange(len(steps.tells))
-        place, turns = (np.tensordot(fading, squares, 1) for squares in steps.squares)
-        now, length = self.state.gains, self.scale.length
-        gains, distance = estimate((place, turns), fading @ steps.tells, now, length)
+        sums = steps.sums(self._weights[: steps.tells.shape[1]])
+        gains, distance = estimate(sums, self.state.gains, self.scale.length)
         return Gains(*gains.tolist()), float(distance)
 
     def _contradicts(self, steps: Evidence, alarm: float) -> bool:
@@ -233,9 +234,8 @@ class OnlineAdaptation:
         one); it is waited for until there are enough of them.
         """
         state, steps = self.state, self._evidence(self._memory)
-        place, turns = (np.cumsum(squares, axis=0) for squares in steps.squares)
-        tells, length = np.cumsum(steps.tells, axis=0), self.scale.length
-        likely = estimate((place, turns), tells, state.gains, length, scaled=False)[1]
+        sums = steps.running_sums()
+        likely = estimate(sums, state.gains, self.scale.length, scaled=False)[1]
         best = int(likely.argmax()) + 1
         if best < FEWEST_STEPS:
             return None
@@ -247,8 +247,9 @@ class OnlineAdaptation:
         state = self.state
         if state.gains == Gains() or state.judged < 2 * self._window:
             return False
-        judged = Evidence(*(part[: state.judged] for part in steps))
-        learned, adapted = (judged.error(g, self._fading) for g in (Gains(), state.gains))
+        judged = Evidence(*(part[..., : state.judged] for part in steps))
+        weights = self._weights[: judged.tells.shape[1]]
+        learned, adapted = (judged.error(g, weights) for g in (Gains(), state.gains))
         return adapted > WORSE * learned
 
     def _return_to_base(self) -> KoopmanModel:
@@ -289,7 +290,8 @@ class OnlineAdaptation:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
         drive, steps = state.newest(self._memory), self._evidence(self._memory)
-        explains = steps.error(gains) < 0.5 * steps.error(Gains())
+        weights = np.ones(len(drive))
+        explains = steps.error(gains, weights) < 0.5 * steps.error(Gains(), weights)
         # whatever that was, it was no floor: what comes after it must not be mixed with it
         state.forget()
         if not explains:

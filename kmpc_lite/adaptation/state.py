@@ -9,14 +9,15 @@ import numpy as np
 
 from kmpc_lite.types import Array
 
-MOTION_SIZE = 9
-"""Numbers of a motion in the map's frame: the displacement (px, py) that the model gives [m] and
-the measured one (dx, dy), the turn h that the model gives [rad], the way ahead g [m], the measured
-turn, and the part (sx, sy) of (px, py) that an omni's wheels drive sideways, else 0."""
-WHITE = slice(0, MOTION_SIZE)
-"""The motion, whitened: what the noise of a pose shares with the steps before is taken back."""
-MEASURED = slice(MOTION_SIZE, 2 * MOTION_SIZE)
+WHITE = slice(0, 9)
+"""The motion in the map's frame: the displacement (px, py) that the model gives [m] and the
+measured one (dx, dy), the turn h that the model gives [rad], the way ahead g [m], the measured
+turn, and the part (sx, sy) of (px, py) that an omni's wheels drive sideways, else 0. It is
+whitened: what the noise of a pose shares with the steps before is taken back."""
+MEASURED = slice(WHITE.stop, 2 * WHITE.stop)
 """The motion as it was measured."""
+NO_STEPS = (0.0,) * WHITE.stop
+"""Fading sum of no steps."""
 TELLS = slice(MEASURED.stop, MEASURED.stop + 2)
 """1 where the step tells of moving, and of turning, else 0."""
 HEADING = slice(TELLS.stop, TELLS.stop + 2)
@@ -72,7 +73,7 @@ class AdaptationState:
     """Steps since the change: gains are estimated from these."""
     judged: int = 0
     """Steps since gains were given."""
-    carried: Array = field(default_factory=lambda: np.zeros(MOTION_SIZE))
+    carried: Array | tuple[float, ...] = NO_STEPS
     """Fading sum of the steps before, which whitens the next one."""
     after: tuple[float, ...] = ()
     """Pose at which the step before ended: one that begins elsewhere shares no noise with it."""
@@ -87,15 +88,10 @@ class AdaptationState:
     counts: AdaptationCounts = field(default_factory=AdaptationCounts)
     """What became of the steps."""
 
-    @classmethod
-    def start(cls, memory: int, noise: Array) -> AdaptationState:
-        """Nothing learned yet."""
-        return cls(np.zeros((memory, STEP_SIZE)), noise)
-
     def forget(self) -> None:
         """Forget the steps, not the gains."""
         self.next_model = self.count = self.since = self.judged = 0
-        self.carried = np.zeros(MOTION_SIZE)
+        self.carried = NO_STEPS
 
     def add(self, step: Array) -> None:
         """Keep a step."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.adapted_model import drives_sideways
-from kmpc_lite.adaptation.state import MOTION_SIZE, STEP_SIZE, AdaptationState
+from kmpc_lite.adaptation.state import NO_STEPS, STEP_SIZE, AdaptationState
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS, Scale
@@ -71,7 +71,7 @@ class Steps:
         was_after, state.after = state.after, tuple(after.tolist())
         x, y, heading = before.tolist()
         if (x, y, heading) != was_after:
-            state.carried = np.zeros(MOTION_SIZE)
+            state.carried = NO_STEPS
         if not math.isfinite(sum(state.after) + x + y + heading + sum(command.tolist())):
             _leave_out(state, rejected=True)
             return None
@@ -121,7 +121,7 @@ def _leave_out(state: AdaptationState, rejected: bool) -> None:
     """Count a period that tells nothing; the next step shares no noise with those before."""
     state.counts.rejected += rejected
     state.counts.still += not rejected
-    state.carried = np.zeros(MOTION_SIZE)
+    state.carried = NO_STEPS
 
 
 def whitening(noise: Array, dt: float, scale: Scale) -> tuple[Array, Array]:

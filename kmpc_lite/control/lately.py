@@ -16,11 +16,6 @@ def longest_lately(before: float, took: float) -> float:
         What this function returned for the time before [s].
     took : float
         The newest time [s].
-
-    Examples
-    --------
-    >>> longest_lately(0.002, 0.005), round(longest_lately(0.002, 0.001), 6)
-    (0.005, 0.0019)
     """
     return max(took, FORGETTING * before)
 
@@ -36,12 +31,5 @@ def newest_weight(memory: float, period: float, longest: float) -> float:
         Between two values [s].
     longest : float
         Period that a longer one counts as [s], so that a mean keeps as many values as with this.
-
-    Examples
-    --------
-    >>> newest_weight(0.5, 0.1, 0.1), newest_weight(0.5, 0.02, 0.1), newest_weight(0.5, 1.0, 0.1)
-    (0.2, 0.04, 0.2)
-    >>> newest_weight(0.5, 1.0, 2.0)
-    1.0
     """
     return min(min(period, longest) / memory, 1.0)

@@ -243,10 +243,8 @@ class Pipeline:
         if guidance is not None:
             reason = "; ".join(filter(None, (guidance.reason, reason)))
             reachable, progress = guidance.reachable, guidance.progress
-        place, guided = np.concatenate([seen.here, seen.goal]), guidance is not None
-        reason, progress = self._standstill.tell(
-            state.standstill, place, trajectory.inputs[0], guided, reason, progress
-        )
+        told = trajectory.inputs[0], guidance is not None, reason, progress
+        reason, progress = self._standstill.tell(state.standstill, seen.here, seen.goal, *told)
         return self._answers.plan(
             seen,
             states,

@@ -31,7 +31,7 @@ LITTLE = 0.1
 class StandstillState:
     """Where the robot stands, and what it was commanded there."""
 
-    place: Array = field(default_factory=lambda: np.full(6, np.nan))
+    place: tuple[float, ...] = (math.nan,) * 6
     """Pose that it has not moved away from, and its goal: another one is a new beginning."""
     time: float = 0.0
     """Since it came there [s]."""
@@ -51,6 +51,7 @@ class StandstillWatch:
         self,
         state: StandstillState,
         place: Array,
+        goal: Array,
         command: Array,
         guided: bool,
         reason: str,
@@ -62,8 +63,8 @@ class StandstillWatch:
         ----------
         state : StandstillState
             Updated.
-        place : ndarray
-            Pose and goal (6,).
+        place, goal : ndarray
+            Pose (3,), and the one to reach.
         command : ndarray
             (2,) of the coming period.
         guided : bool
@@ -74,14 +75,15 @@ class StandstillWatch:
             What it does about its goal, by the guide.
         """
         # without guidance a robot at its goal is told to be driving
-        on_its_way = guided or math.dist(place[:2], place[3:5]) > STANDS[0]
+        here, aim = place.tolist(), tuple(goal.tolist())
+        on_its_way = guided or math.dist(here[:2], aim[:2]) > STANDS.item(0)
         drives = progress is GoalProgress.DRIVING and on_its_way
         # a robot that does not drive, but waits or holds, begins anew when it drives
         drives = drives or reason.startswith((NO_PROGRESS, UNSEEN))
-        moved = math.dist(place[:2], state.place[:2]), float(place[2] - state.place[2])
-        stays = moved[0] <= STANDS[0] and abs(math.remainder(moved[1], math.tau)) <= STANDS[1]
-        if not (drives and stays and (place[3:] == state.place[3:]).all()):
-            state.place, state.time, state.asked = place, 0.0, np.zeros(2)
+        moved, turned = math.dist(here[:2], state.place[:2]), here[2] - state.place[2]
+        stays = moved <= STANDS.item(0) and abs(math.remainder(turned, math.tau)) <= STANDS.item(1)
+        if not (drives and stays and aim == state.place[3:]):
+            state.place, state.time, state.asked = (*here, *aim), 0.0, np.zeros(2)
         elif state.time > self._longest and (why := self._why(state)):
             return "; ".join(filter(None, (reason, why))), GoalProgress.WAITING
         state.time += self._dt

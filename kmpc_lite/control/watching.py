@@ -6,7 +6,7 @@ from functools import partial
 
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.innovation import Innovation
-from kmpc_lite.control.estimate.pose_filter import PoseEstimate, estimate
+from kmpc_lite.control.estimate.pose_filter import estimate
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
@@ -15,7 +15,6 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import Array
 
 
 class Watching:
@@ -58,7 +57,10 @@ class Watching:
             self._look_out(state, seen)
         found, size = state.innovation, known.margins.noise.pose_errors
         instead = self._innovation.see(found, state.history, known.model, size, pose)
-        found.estimate = self._estimate(state, known, pose) if instead is None else None
+        last, found.estimate = found.estimate, None
+        if instead is None and pose is not None and self._weighs:
+            noise, period = known.margins.noise.of_pose(found), state.history.driven
+            found.estimate = noise and estimate(last, period, known.model, *noise, pose)
         if instead is not None:
             state.circles.pose_jumped()
             seen.pose = instead
@@ -75,21 +77,6 @@ class Watching:
             state.circles, seen.things, seen.scans, measured, state.seen, size[0], driven
         )
         seen.things, seen.scanned, seen.perhaps = around.things, around.walking, around.perhaps
-
-    def _estimate(
-        self, state: ControllerState, known: Knowledge, pose: Array | None
-    ) -> PoseEstimate | None:
-        """Weigh the measured pose (3,) and the predicted one; none without a pose.
-
-        None either where poses are measured better than any period can be predicted.
-        """
-        if pose is None or known.margins is None or not self._weighs:
-            return None
-        moved, measured = known.margins.noise.of_pose(state.innovation)
-        if (measured.diagonal() <= moved.diagonal()).all():
-            return None
-        last, period = state.innovation.estimate, state.history.driven
-        return estimate(last, period, known.model, moved, measured, pose)
 
     def _look_out(self, state: ControllerState, seen: Observation) -> None:
         """Leave out scans that come again; refuse to drive blind."""

@@ -118,10 +118,12 @@ class CommandHistory:
     def see(self, pose: Array | None, model: MotionModel, weight: float) -> None:
         """Take in a measured pose (3,), with the newest speeds' weight; none if there is none."""
         if pose is not None and self.seen is not None and self.driven is not None:
-            expected = model.predict(self.seen, self.driven.command, self.driven.earlier)
-            off = pose - expected
-            off[2] -= nearest_turn(float(off[2]))
-            beyond = seen_along(off, expected[2]) / model.dt
+            x, y, heading = model.predict(
+                self.seen, self.driven.command, self.driven.earlier
+            ).tolist()
+            ahead, left = rotate(float(pose[0]) - x, float(pose[1]) - y, -heading)
+            turn = float(pose[2]) - heading
+            beyond = np.array((ahead, left, turn - nearest_turn(turn))) / model.dt
             self.beyond = self.beyond + weight * (beyond - self.beyond)
         self.seen = None if pose is None else pose.copy()
 
@@ -192,13 +194,6 @@ def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Ar
     -------
     ndarray
         Pose (3,) now.
-
-    Examples
-    --------
-    >>> from kmpc_lite import nominal_unicycle
-    >>> sent = np.array([[0.2, 0.0], [0.4, 0.0]])
-    >>> advance_pose(nominal_unicycle(0.1), np.zeros(3), sent, age=0.15).round(3)
-    array([0.05, 0.  , 0.  ])
     """
     periods = max(age, 0.0) / model.dt
     whole = int(np.ceil(periods - 1e-6))

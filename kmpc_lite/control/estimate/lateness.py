@@ -66,12 +66,14 @@ class Lateness:
         self._fading = 1.0 - 1.0 / max(MEMORY / problem.dt, FEWEST)
         unit = unit_length(problem)
         self._judged, self._step = JUDGED_STEP * unit, TOLERATED_STEP * unit
+        self._whole_turn = math.tau / TOLERATED_TURN
         self._turns = problem.wheels.turns_on_the_spot
         full = np.maximum(np.abs(problem.u_min), np.abs(problem.u_max))
         # of a car steering comes between
         self._rates = full / RAMP_TIMES[self._turns * RAMP_TIMES > 2.0 * problem.dt, None]
         self._most = np.concatenate([self._rates, np.full((len(LAGS), len(full)), np.inf)])
         self._most *= problem.dt
+        self._kinds = np.cumsum((0, len(self._places), len(self._rates)))
         self._shares = np.ones((len(self._most), 1))
         self._shares[len(self._rates) :, 0] = 1.0 - np.exp(-problem.dt / LAGS)
 
@@ -93,58 +95,74 @@ class Lateness:
             (3,) as measured; none if that, or the past period's command, is not known.
         """
         before, state.pose = state.pose, pose
-        places, command = self._places, given[-1]
+        command, late = given[-1], len(self._places)
         if state.passed is None:
             count = 0 if model.noise_model or not len(self._rates) else len(self._most)
             state.passed = np.zeros((count, len(command)))
         passed = state.passed
         if count := len(passed):
             change = self._shares * (command - passed)
-            state.passed = passed + np.clip(change, -self._most, self._most)
+            np.minimum(np.maximum(change, -self._most, out=change), self._most, out=change)
+            state.passed = passed + change
         if before is None or pose is None:
             return False
-        if math.hypot(pose[0] - before[0], pose[1] - before[1]) < self._judged:
+        x, y, heading = before.tolist()
+        if math.hypot(pose[0] - x, pose[1] - y) < self._judged:
             return False  # a robot that stands may be held
-        gains = GAINS[: len(GAINS) * bool(count), None] * command
-        slower = np.concatenate([0.5 * (passed + state.passed), gains])
-        commands = (1.0 - self._age) * given[places] + self._age * given[places - 1]
-        commands = np.concatenate([commands, slower])
+        commands = np.empty((late + count + len(GAINS) * bool(count), len(command)))
+        commands[:late] = given[self._places]
+        if self._age:
+            commands[:late] += self._age * (given[self._places - 1] - commands[:late])
+        if count:
+            commands[late : late + count] = 0.5 * (passed + state.passed)
+            commands[late + count :] = GAINS[:, None] * command
         history = None
         if model.history:
-            history = given[places[:, None] - np.arange(model.history, 0, -1)]
-            history = np.concatenate([history, slower[:, None].repeat(model.history, axis=1)])
-        predicted = model.predict(np.broadcast_to(before, (len(commands), 3)), commands, history)
-        x, y, turned = (pose - predicted).T
-        ahead = math.cos(before[2]) * x + math.sin(before[2]) * y
-        turned -= math.tau * np.rint(turned / math.tau)
-        squares = np.stack([ahead / self._step, turned / TOLERATED_TURN]) ** 2 + 1.0
-        if not np.isfinite(squares).all():
+            history = commands[:, None].repeat(model.history, axis=1)
+            history[:late] = given[self._places[:, None] - np.arange(model.history, 0, -1)]
+        # ahead, and of turns
+        ahead = math.cos(heading) / self._step, math.sin(heading) / self._step
+        along = np.array(((ahead[0], 0.0), (ahead[1], 0.0), (0.0, 1.0 / TOLERATED_TURN)))
+        errors = (pose - model.predict(before, commands, history)) @ along
+        errors[:, 1] -= self._whole_turn * np.rint(errors[:, 1] / self._whole_turn)
+        squares = (errors * errors).T + 1.0
+        if not np.add.reduce(squares, axis=None) < math.inf:
             return False
         state.errors = squares + (self._fading * state.errors if state.count else 0.0)
         state.count = self._fading * state.count + 1.0
-        late, was, axes = state.errors[:, : len(places)], state.found.min(), np.arange(2)
-        best = late.argmin(axis=1)
-        gain = 0.5 * state.count * np.log(late[axes, state.found] / late[axes, best])
-        state.found = np.where(gain > EVIDENCE, best, state.found)
+        # the least of delays, of ramps, and of what else may slow it down
+        least = np.minimum.reduceat(
+            state.errors, self._kinds[: 1 + 2 * bool(count)], axis=1
+        ).tolist()
+        was = int(state.found.min())
+        for axis, (delays, *_) in enumerate(least):
+            if self._likelier(state, state.errors.item(axis, state.found[axis]), delays, 1.0):
+                state.found[axis] = int(state.errors[axis, :late].argmin())
         if not self._turns:
             state.found[1] = state.found[0]
-        return self._follows(state, given[-1]) or bool(state.found.min() != was)
+        return (
+            bool(count and self._follows(state, given[-1], least)) or int(state.found.min()) != was
+        )
 
-    def _follows(self, state: LatenessState, command: Array) -> bool:
+    def _likelier(self, state: LatenessState, errors: float, less: float, share: float) -> bool:
+        """Whether fading sums of errors tell two answers apart, by a share of the evidence."""
+        return 0.5 * state.count * math.log(errors / less) > share * EVIDENCE
+
+    def _follows(self, state: LatenessState, command: Array, least: list[list[float]]) -> bool:
         """Whether a ramp explains the motion far better than all else that is known."""
-        begin, end, changed = len(self._places), len(self._places) + len(self._rates), False
-        passed = np.asarray(state.passed)
-        known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
-        for errors, columns in zip(state.errors, (slice(0, -1), slice(-1, None)), strict=True):
-            if len(errors) == begin:
-                break
-            best = begin + int(errors[begin:end].argmin())
-            others = min(errors[:begin].min(), errors[end:].min())
+        changed = False
+        for axis, columns in enumerate((slice(0, -1), slice(-1, None))):
+            delays, ramps, rest = least[axis]
+            if not self._likelier(state, min(delays, rest), ramps, 0.75):
+                continue
+            best = int(state.errors[axis, self._kinds[1] : self._kinds[2]].argmin())
             # told apart to a step: the slower one is safe; and sooner than a delay, for it brakes
-            rates = self._rates[min(best + 1, end - 1) - begin, columns]
-            likelier = 0.5 * state.count * math.log(others / errors[best]) > 0.75 * EVIDENCE
-            if likelier and (rates < known[columns]).any():
-                known[columns], command[columns] = rates, passed[best - begin, columns]
-                errors[:] = errors.min()  # as of now nothing is known any better
+            rates = self._rates[min(best + 1, len(self._rates) - 1), columns]
+            known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
+            if (rates < known[columns]).any():
+                known[columns], command[columns] = rates, np.asarray(state.passed)[best, columns]
+                state.errors[axis] = state.errors[
+                    axis
+                ].min()  # as of now nothing is known any better
                 state.found, state.ramps, changed = np.zeros(2, dtype=int), known, True
         return changed

@@ -141,6 +141,7 @@ class ModelNoise:
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
         self.pose_errors = self._pose_errors()
+        self._calm = self.inflated(1.0, False)
 
     def _pose_errors(self) -> tuple[float, float]:
         """Quantiles of the pose's noise in position and heading, of both ends of a period."""
@@ -151,19 +152,25 @@ class ModelNoise:
             self.step_quantile * math.sqrt(max(heading, 0.0)),
         )
 
-    def of_pose(self, state: InnovationState) -> tuple[Array, Array]:
+    def of_pose(self, state: InnovationState) -> tuple[Array, Array] | None:
         """Covariances (3, 3) of a period's motion and of a measured pose, in the robot's frame.
 
         Of the fastest commands of late: a robot that lags still drives. Errors that last add up.
+        None where poses are measured better than any period can be predicted.
         """
         v, omega = state.pace
-        errors, tube = self.expected_errors, self.tube
-        found = self.inflated(errors.inflation(state), errors.is_unknown_floor(state))
-        moved = found.command + ADDS_UP * found.lasting
+        errors, tube, noise = self.expected_errors, self.tube, self._calm
+        inflation, unknown = errors.inflation(state), errors.is_unknown_floor(state)
+        if unknown or inflation != 1.0:
+            noise = self.inflated(inflation, unknown)
+        measured = 0.5 * tube.poses * (tube.pose + v * v * tube.pose_by_speed)
+        moved = noise.command + ADDS_UP * noise.lasting
         moved = (v * v * moved[0] + omega * omega * moved[1]).reshape(STATES, STATES)
         own, turn = errors.own(v, omega)
-        moved += np.diag([own, own, turn])
-        return moved, 0.5 * tube.poses * (tube.pose + v * v * tube.pose_by_speed)
+        for axis, more in enumerate((own, own, turn)):
+            moved[axis, axis] += more
+        better = all(measured.item(i, i) <= moved.item(i, i) for i in range(STATES))
+        return None if better else (moved, measured)
 
     def inflated(self, inflation: float, unknown_floor: bool) -> InflatedNoise:
         """Scale the noise; inflated noise gets the errors that every model may have added to it."""
