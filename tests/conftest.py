@@ -17,5 +17,5 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """One more than there are cores: tests of links wait more than they compute."""
-    return len(os.sched_getaffinity(0)) + 1
+    """Two more than there are cores: tests of links wait more than they compute."""
+    return len(os.sched_getaffinity(0)) + 2
