@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import hypot
-from typing import NamedTuple
 
 import numpy as np
 
@@ -76,31 +75,23 @@ def _driven_sideways(model: KoopmanModel) -> Array:
     return out.reshape(STATES, -1)
 
 
-class Refusal(NamedTuple):
-    """Why no floor can cause some gains."""
-
-    reason: str
-    turning: bool = False
-    """Whether turns tell it; else the distance driven does."""
-
-
-def refuse(gains: Gains, options: AdaptationOptions, length: float) -> Refusal | None:
-    """Say why no floor can cause these gains; None if one can.
+def refuse(gains: Gains, options: AdaptationOptions, length: float) -> str:
+    """Say why no floor can cause these gains; empty if one can.
 
     `length` is the robot's unit of length [m].
     """
     speed = hypot(gains.ahead, gains.left)
     if not (gains.ahead > 0.0 and options.least_gain < speed < options.largest_gain):
-        return Refusal(f"it comes {gains.ahead:.2g} times as far ahead as the model says")
+        return f"it comes {gains.ahead:.2g} times as far ahead as the model says"
     if not abs(gains.left) < LARGEST_DRIFT * speed:
-        return Refusal(f"it drifts sideways by {gains.left:.2g} of its speed")
+        return f"it drifts sideways by {gains.left:.2g} of its speed"
     if not options.least_gain < gains.aside < options.largest_gain:
-        return Refusal(f"it comes {gains.aside:.2g} times as far sideways as the model says")
+        return f"it comes {gains.aside:.2g} times as far sideways as the model says"
     if not options.least_gain < gains.turn < options.largest_gain:
-        return Refusal(f"it turns {gains.turn:.2g} times as far as the model says", turning=True)
+        return f"it turns {gains.turn:.2g} times as far as the model says"
     if not abs(gains.pull) * UNIT_RADIUS * length < LARGEST_PULL:
-        return Refusal(f"it pulls to one side by {gains.pull:.2g} rad/m")
-    return None
+        return f"it pulls to one side by {gains.pull:.2g} rad/m"
+    return ""
 
 
 def lag_taken_for_gain(gains: Gains) -> str:

@@ -3,7 +3,8 @@
 A step's displacement is ``ahead`` times what the model drives ahead, ``aside`` times what it drives
 sideways, and ``left`` times both, turned by a quarter; its turn is ``turn`` times the model's and
 ``pull`` times the way ahead. Both are weighed least squares, apart from each other, so that no
-straight drive upsets turns.
+straight drive upsets turns. Lags that the model has wrong are estimated beside the gains, and left
+out of them: what earlier commands explain is no gain.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.adaptation.state import HEADING, MEASURED, SPEEDS, TELLS, WHITE, Gains
+from kmpc_lite.adaptation.state import HEADING, LATE, MEASURED, SPEEDS, TELLS, WHITE, Gains
 from kmpc_lite.scale import UNIT_RADIUS, Scale
 from kmpc_lite.types import STATES, Array
 
@@ -39,20 +40,21 @@ class Evidence(NamedTuple):
     """Weighed steps, the newest first."""
 
     columns: Array
-    """(2, 4, 2, n) displacements and turns by three gains each, and as measured; 0 where there is
-    none: a turn is one number, by two gains."""
+    """(2, 4 + LATE, 2, n) displacements and turns by three gains each, as measured, and by lags; 0
+    where there is none: a turn is one number, by two gains."""
     tells: Array
     """(2, n) 1 where a step tells of moving, and of turning."""
 
     def sums(self, weights: Array) -> tuple[Array, Array]:
-        """Normal equations (2, 4, 4), and how many steps tell (2,), by weights of steps (n,)."""
-        columns = self.columns.reshape(2, 4, -1)
-        weighed = (self.columns * weights).reshape(2, 4, -1)
+        """Normal equations (2, 7, 7), and how many steps tell (2,), by weights of steps (n,)."""
+        columns = self.columns.reshape(2, 4 + LATE, -1)
+        weighed = (self.columns * weights).reshape(2, 4 + LATE, -1)
         return weighed @ columns.transpose(0, 2, 1), self.tells @ weights
 
     def running_sums(self) -> tuple[Array, Array]:
-        """Return the same (n, ...) of the newest step, of the newest two, and so on."""
-        squares = np.einsum("bikn,bjkn->nbij", self.columns, self.columns)
+        """Return (n, ...) the same of the newest step, the newest two, and so on; but for lags."""
+        columns = self.columns[:, :4]
+        squares = np.einsum("bikn,bjkn->nbij", columns, columns)
         return np.cumsum(squares, axis=0), np.cumsum(self.tells, axis=1).T
 
     def residuals(self, gains: Gains) -> Array:
@@ -89,15 +91,17 @@ def evidence(steps: Array, noise: Array, white: Array, length: float) -> Evidenc
         The robot's unit of length [m].
     """
     columns = steps.T
-    px, py, dx, dy, h, g, turned, sx, sy = columns[WHITE]
+    px, py, dx, dy, h, g, turned, sx, sy, *late = columns[WHITE]
     floors = np.array(((NOISE_FLOOR * UNIT_RADIUS * length) ** 2, TURN_NOISE_FLOOR**2))
     by_command = np.array((0.5 * (noise[:, 0, 0] + noise[:, 1, 1]), noise[:, 2, 2]))
     own = (by_command[:, 0] + floors)[:, None] + by_command[:, 1:] @ columns[SPEEDS]
     usual = np.add.reduce(own, axis=1, keepdims=True) / len(steps)
     weights = np.sqrt(columns[TELLS] / ((own + EVEN_NOISE * usual) * white[:, None]))
-    out = np.zeros((2, 4, 2, len(steps)))
-    out[0] = (px - sx, py - sy), (-py, px), (sx, sy), (dx, dy)
+    out = np.zeros((2, 4 + LATE, 2, len(steps)))
+    out[0, :4] = (px - sx, py - sy), (-py, px), (sx, sy), (dx, dy)
     out[1, [0, 1, 3], 0] = h, g, turned
+    for k in range(LATE):
+        out[0, 4 + k], out[1, 4 + k, 0] = late[3 * k : 3 * k + 2], late[3 * k + 2]
     out *= weights[:, None, None]
     return Evidence(out, columns[TELLS])
 
@@ -110,7 +114,8 @@ def estimate(
     Parameters
     ----------
     sums : tuple of ndarray
-        Normal equations (..., 2, 4, 4), and how many steps tell of moving, and of turning (..., 2).
+        Normal equations (..., 2, 4 + J, 4 + J), J of lags; how many steps tell of moving, and of
+        turning (..., 2).
     now : Gains
         Those in use, which a prior keeps where a drive does not show them.
     length : float
@@ -120,23 +125,30 @@ def estimate(
         sets of steps compare.
     """
     equations, counts = sums[0], sums[1][..., None]
-    prior = np.array(((PRIOR,) * 3, (PRIOR, PULL_PRIOR / length, PRIOR)))
-    used = _by_block(now)
-    # in units of the prior, along the directions that tell independently of each other
-    tell, along = np.linalg.eigh(equations[..., :3, :3] * (prior[:, None] * prior[..., None]))
-    tell, across = np.maximum(tell, 0.0), along.swapaxes(-2, -1)
-    told = (across @ (equations[..., :3, 3:] * prior[..., None]))[..., 0]
-    scale: Array | float = 1.0
+    size = equations.shape[-1]
+    prior = np.full((2, size), PRIOR)
+    prior[1, 1], prior[:, 3] = PULL_PRIOR / length, 1.0
+    used = _by_block(now) / prior[:, :3]
+    # in units of the prior
+    equations = equations * (prior[:, None] * prior[..., None])
+    scale: Array | float = np.ones((*counts.shape, 1))
     if scaled:
+        others = [k for k in range(size) if k != 3]
+        tell, told = equations[..., others, :][..., others], equations[..., others, 3:4]
         # what rounding leaves of a direction that nothing tells explains nothing
-        least = np.finfo(float).eps * np.maximum(tell[..., -1:], 1.0)
-        explained = (told * told / (tell + least)).sum(axis=-1, keepdims=True)
-        freedom = np.maximum(ROWS * counts - 2.0, 1.0)
-        scale = np.maximum((equations[..., 3, 3:] - explained) / freedom, QUIETEST)
-    excess = told - tell * (across @ (used / prior)[..., None])[..., 0]
-    step = excess / (tell + scale) * (counts >= FEWEST)
-    distance = (step * excess / scale).sum(axis=(-2, -1))
-    gains = used + (along @ step[..., None])[..., 0] * prior
+        least = np.finfo(float).eps * np.maximum(np.trace(tell, axis1=-2, axis2=-1), 1.0)
+        free = np.linalg.solve(tell + least[..., None, None] * np.eye(len(others)), told)
+        left = equations[..., 3:4, 3:4] - told.swapaxes(-2, -1) @ free
+        scale = np.maximum(left / np.maximum(ROWS * counts - 2.0, 1.0)[..., None], QUIETEST)
+    # what lags explain, no gain needs to
+    shared = equations[..., 4:, :4]
+    known = np.linalg.solve(equations[..., 4:, 4:] + scale * np.eye(size - 4), shared)
+    reduced = equations[..., :3, :4] - shared[..., :3].swapaxes(-2, -1) @ known
+    tell = reduced[..., :3]
+    excess = reduced[..., 3:] - tell @ used[..., None]
+    step = np.linalg.solve(tell + scale * np.eye(3), excess) * (counts >= FEWEST)[..., None]
+    distance = (step * excess / scale).sum(axis=(-3, -2, -1))
+    gains = (used + step[..., 0]) * prior[:, :3]
     return gains.reshape(*distance.shape, -1)[..., [0, 1, 3, 4, 2]], distance
 
 
@@ -181,14 +193,3 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale
     projected = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
     out: Array = projected * between
     return out
-
-
-def went_back_and_forth(steps: Array, share: float, turning: bool) -> bool:
-    """Whether the commands of steps (n, STEP_SIZE) took back most of what they drove, or turned.
-
-    Where the net is less than a share of the whole, a robot whose motors are later than its model
-    knows has come as far as if it were another one.
-    """
-    _, _, _, _, turns, ahead, *_ = steps[:, MEASURED].T
-    moved = turns if turning else ahead
-    return abs(float(moved.sum())) < share * float(np.abs(moved).sum())

@@ -18,19 +18,13 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.adapted_model import (
-    Refusal,
-    adapted_model,
-    lag_taken_for_gain,
-    refuse,
-)
+from kmpc_lite.adaptation.adapted_model import adapted_model, lag_taken_for_gain, refuse
 from kmpc_lite.adaptation.gains import (
     Evidence,
     contradiction,
     estimate,
     evidence,
     residual_covariance,
-    went_back_and_forth,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.state import STEP_SIZE, AdaptationCounts, AdaptationState, Gains
@@ -54,9 +48,6 @@ WORSE = 1.1
 """The learned model returns if the adapted one's squared errors are this many times its own."""
 REFUSALS = 2
 """Times in a row that gains which no floor can cause make the model another robot's."""
-BACK_AND_FORTH = 0.5
-"""Net distance or turn, as a share of the whole, below which a drive does not tell whether the
-model is another robot's."""
 
 
 class OnlineAdaptation:
@@ -263,8 +254,7 @@ class OnlineAdaptation:
 
     def _give(self, gains: Gains) -> KoopmanModel | None:
         """Put gains into use, if a floor can cause them."""
-        refusal = refuse(gains, self.options, self.scale.length)
-        if refusal is not None:
+        if refusal := refuse(gains, self.options, self.scale.length):
             self._refuse(gains, refusal)
             return None
         state = self.state
@@ -286,18 +276,16 @@ class OnlineAdaptation:
         self.model = adapted_model(self.base, gains, noise, told)
         return self.model
 
-    def _refuse(self, gains: Gains, refusal: Refusal) -> None:
+    def _refuse(self, gains: Gains, refusal: str) -> None:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
-        drive, steps = state.newest(self._memory), self._evidence(self._memory)
-        weights = np.ones(len(drive))
+        steps = self._evidence(self._memory)
+        weights = np.ones(steps.tells.shape[1])
         explains = steps.error(gains, weights) < 0.5 * steps.error(Gains(), weights)
         # whatever that was, it was no floor: what comes after it must not be mixed with it
         state.forget()
         if not explains:
             return  # nor was it a robot of another kind: those gains explain nothing
-        if went_back_and_forth(drive, BACK_AND_FORTH, refusal.turning):
-            return  # an unknown lag looks like any gain there
         state.refusals += 1
         if state.refusals >= REFUSALS:
-            state.wrong_model = f"the model is not of this robot: {refusal.reason}"
+            state.wrong_model = f"the model is not of this robot: {refusal}"

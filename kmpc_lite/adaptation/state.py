@@ -9,12 +9,17 @@ import numpy as np
 
 from kmpc_lite.types import Array
 
-WHITE = slice(0, 9)
+LATER = 0.1, 0.2, 0.4
+"""How much later than its model knows a robot may answer [s in its units]: what earlier commands
+explain is no gain."""
+LATE = len(LATER)
+WHITE = slice(0, 9 + 3 * LATE)
 """The motion in the map's frame: the displacement (px, py) that the model gives [m] and the
 measured one (dx, dy), the turn h that the model gives [rad], the way ahead g [m], the measured
-turn, and the part (sx, sy) of (px, py) that an omni's wheels drive sideways, else 0. It is
-whitened: what the noise of a pose shares with the steps before is taken back."""
-MEASURED = slice(WHITE.stop, 2 * WHITE.stop)
+turn, and the part (sx, sy) of (px, py) that an omni's wheels drive sideways, else 0. Then by how
+much more earlier commands would have driven it, x, y and turn of each. It is whitened: what the
+noise of a pose shares with the steps before is taken back."""
+MEASURED = slice(WHITE.stop, WHITE.stop + 9)
 """The motion as it was measured."""
 NO_STEPS = (0.0,) * WHITE.stop
 """Fading sum of no steps."""
@@ -75,6 +80,8 @@ class AdaptationState:
     """Steps since gains were given."""
     carried: Array | tuple[float, ...] = NO_STEPS
     """Fading sum of the steps before, which whitens the next one."""
+    given: list[tuple[float, float]] = field(default_factory=list)
+    """Way ahead and turn that the model gave for the periods before, the newest first."""
     after: tuple[float, ...] = ()
     """Pose at which the step before ended: one that begins elsewhere shares no noise with it."""
     gains: Gains = Gains()
@@ -91,7 +98,7 @@ class AdaptationState:
     def forget(self) -> None:
         """Forget the steps, not the gains."""
         self.next_model = self.count = self.since = self.judged = 0
-        self.carried = NO_STEPS
+        self.carried, self.given = NO_STEPS, []
 
     def add(self, step: Array) -> None:
         """Keep a step."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.adapted_model import drives_sideways
-from kmpc_lite.adaptation.state import NO_STEPS, STEP_SIZE, AdaptationState
+from kmpc_lite.adaptation.state import LATE, LATER, NO_STEPS, STEP_SIZE, AdaptationState
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS, Scale
@@ -57,7 +57,9 @@ class Steps:
         radius = scale.length * UNIT_RADIUS
         self._least_step, self._jump, self._held = LEAST_STEP * radius, JUMP * radius, HELD * radius
         carried, self.white = whitening(noise, model.dt, scale)
-        self._carried = carried[[0, 0, 0, 0, 1, 1, 1, 0, 0]]
+        self._carried = carried[[0, 0, 0, 0, 1, 1, 1, 0, 0] + [0, 0, 1] * LATE]
+        # none in periods that are longer
+        self._late = [round(time * scale.time / model.dt) for time in LATER]
 
     def step(
         self,
@@ -71,7 +73,7 @@ class Steps:
         was_after, state.after = state.after, tuple(after.tolist())
         x, y, heading = before.tolist()
         if (x, y, heading) != was_after:
-            state.carried = NO_STEPS
+            state.carried, state.given = NO_STEPS, []
         if not math.isfinite(sum(state.after) + x + y + heading + sum(command.tolist())):
             _leave_out(state, rejected=True)
             return None
@@ -82,16 +84,21 @@ class Steps:
         dx, dy = state.after[0] - x, state.after[1] - y
         px, py = rotate(predicted[0] - x, predicted[1] - y, 0.5 * (turned - h))
         moved, drove = math.hypot(px, py), math.hypot(dx, dy)
+        if self._is_held(moved, h, drove, turned) or self._jumped(moved, h, drove, turned):
+            _leave_out(state, rejected=True)
+            return None
+        middle = heading + 0.5 * turned
+        ahead, left = rotate(px, py, -middle)
+        state.given = [(ahead, h), *state.given[: max(self._late)]]
         moves, turns = moved >= self._least_step, abs(h) >= LEAST_TURN
         if not (moves or turns):
             _leave_out(state, rejected=False)
             return None
-        if self._is_held(moved, h, drove, turned) or self._jumped(moved, h, drove, turned):
-            _leave_out(state, rejected=True)
-            return None
-        ahead, left = rotate(px, py, -(heading + 0.5 * turned))
-        aside = rotate(0.0, left, heading + 0.5 * turned) if self._drives_sideways else (0.0, 0.0)
-        own = px, py, dx, dy, h, ahead, turned, *aside
+        aside = rotate(0.0, left, middle) if self._drives_sideways else (0.0, 0.0)
+        own = [px, py, dx, dy, h, ahead, turned, *aside]
+        for periods in self._late:
+            was_ahead, was_turn = state.given[min(periods, len(state.given) - 1)]
+            own += [*rotate(was_ahead - ahead, 0.0, middle), was_turn - h]
         # noise of a pose makes one step longer and the next one shorter: the fading sums take that
         # back
         state.carried = white = own + self._carried * state.carried
@@ -99,7 +106,7 @@ class Steps:
         *moving, turning = command.tolist()
         speeds = sum(v * v for v in moving), turning * turning
         out = np.empty(STEP_SIZE)
-        out[:] = *white, *own, *tells, math.cos(heading), math.sin(heading), *speeds
+        out[:] = *white, *own[:9], *tells, math.cos(heading), math.sin(heading), *speeds
         return out
 
     def _is_held(self, moved: float, h: float, drove: float, turned: float) -> bool:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from slipping_floors import DT, U_MAX, go, model_of
+from slipping_floors import DT, NOISY, U_MAX, go, model_of
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite.adaptation.online import OnlineAdaptation
@@ -23,7 +23,7 @@ def test_a_good_model_is_left_alone(slip, steps):
 @pytest.mark.parametrize("steps", LASTING)
 def test_a_good_model_is_left_alone_under_pose_noise(steps):
     adaptation = OnlineAdaptation(model_of(0.05))
-    assert not go(adaptation, DifferentialDrive(0.05, seed=3), steps, 3, noise=(0.005, 0.005, 0.02))
+    assert not go(adaptation, DifferentialDrive(0.05, seed=3), steps, 3, NOISY)
 
 
 @pytest.mark.parametrize(
@@ -36,18 +36,9 @@ def test_long_turns_on_the_spot_are_no_reason_to_relearn_driving(slip, steps):
     In some windows hardly a step tells how far the robot comes.
     """
     adaptation = OnlineAdaptation(model_of(slip))
-    assert not go(
-        adaptation, DifferentialDrive(slip, seed=0), steps, 0, noise=(0.005, 0.005, 0.02), hold=30
-    )
+    assert not go(adaptation, DifferentialDrive(slip, seed=0), steps, 0, NOISY, hold=30)
     turning = np.tile([0.0, 0.5], (400, 1))
-    assert not go(
-        adaptation,
-        DifferentialDrive(slip, seed=1),
-        400,
-        1,
-        noise=(0.005, 0.005, 0.02),
-        commands=turning,
-    )
+    assert not go(adaptation, DifferentialDrive(slip, seed=1), 400, 1, NOISY, turning)
 
 
 @pytest.mark.parametrize("steps", [8000, pytest.param(100_000, marks=pytest.mark.long)])
@@ -56,7 +47,7 @@ def test_standing_still_changes_nothing(steps):
     random = np.random.default_rng(0)
     go(adaptation, DifferentialDrive(0.05, seed=1), 200, 0)
     kept, used = adaptation.state.steps.copy(), adaptation.counts.used
-    poses = np.array([0.3, 0.2, 0.1]) + random.normal(size=(steps + 1, 3)) * (0.005, 0.005, 0.02)
+    poses = np.array([0.3, 0.2, 0.1]) + random.normal(size=(steps + 1, 3)) * NOISY
     still = np.zeros(2)
     assert not any(adaptation.update(a, still, b) for a, b in zip(poses, poses[1:], strict=False))
     assert adaptation.counts.still == steps and adaptation.counts.used == used

@@ -7,12 +7,7 @@ import pytest
 from slipping_floors import DT, U_MAX, errors, go, learned, model_of
 
 from kmpc_lab import DifferentialDrive, generate_dataset
-from kmpc_lite import (
-    InputHistoryDictionary,
-    UnicycleDictionary,
-    fit,
-    nominal_omni,
-)
+from kmpc_lite import InputHistoryDictionary, UnicycleDictionary, fit, nominal_omni
 from kmpc_lite.adaptation.online import Gains, OnlineAdaptation
 
 
@@ -30,16 +25,10 @@ def test_a_changed_floor_is_learned_in_five_seconds(before, after):
     ratios = []
     for seed in range(6):
         adaptation = OnlineAdaptation(model_of(*before))
-        assert not go(
-            adaptation, DifferentialDrive(before[0], seed=seed, turn_gain=before[1]), 300, seed
-        )
-        given = go(
-            adaptation,
-            DifferentialDrive(after[0], seed=seed + 50, turn_gain=after[1]),
-            50,
-            seed + 100,
-        )
-        assert len(given) <= 8
+        known = DifferentialDrive(before[0], seed=seed, turn_gain=before[1])
+        assert not go(adaptation, known, 300, seed)
+        changed = DifferentialDrive(after[0], seed=seed + 50, turn_gain=after[1])
+        assert len(go(adaptation, changed, 50, seed + 100)) <= 8
         ratios.append(errors(adaptation.model, *after) / fresh)
     assert np.median(ratios, axis=0).max() <= 1.15
     assert np.max(ratios) <= 1.5
@@ -50,15 +39,8 @@ def test_a_changed_floor_is_learned_in_five_seconds(before, after):
 
 def test_a_straight_line_does_not_unlearn_turning():
     adaptation = OnlineAdaptation(model_of(0.05))
-    straight = np.tile([0.5, 0.0], (3000, 1))
-    go(
-        adaptation,
-        DifferentialDrive(0.2, seed=2),
-        3000,
-        1,
-        commands=straight,
-        noise=(0.002, 0.002, 0.01),
-    )
+    straight, noise = np.tile([0.5, 0.0], (3000, 1)), (0.002, 0.002, 0.01)
+    go(adaptation, DifferentialDrive(0.2, seed=2), 3000, 1, noise, straight)
     # the slip ahead and sideways is learned; of the turns nothing was seen
     assert adaptation.gains.ahead == pytest.approx(1.2 / 1.05, abs=0.05)
     assert adaptation.gains.turn == pytest.approx(1.0, abs=0.02)
@@ -67,18 +49,11 @@ def test_a_straight_line_does_not_unlearn_turning():
 
 
 def test_turning_on_the_spot_does_not_unlearn_driving():
-    adaptation = OnlineAdaptation(model_of(0.05))
-    go(
-        adaptation,
-        DifferentialDrive(0.05, seed=2, turn_gain=0.6),
-        1000,
-        1,
-        commands=np.tile([0.0, 0.6], (1000, 1)),
-    )
+    adaptation, turning = OnlineAdaptation(model_of(0.05)), np.tile([0.0, 0.6], (1000, 1))
+    plant = DifferentialDrive(0.05, seed=2, turn_gain=0.6)
+    go(adaptation, plant, 1000, 1, commands=turning)
     assert adaptation.gains.turn == pytest.approx(0.6, abs=0.03)
-    assert adaptation.gains.ahead == pytest.approx(
-        1.0, abs=0.02
-    ) and adaptation.gains.left == pytest.approx(0.0, abs=0.02)
+    assert adaptation.gains[:2] == pytest.approx((1.0, 0.0), abs=0.02)
 
 
 def test_with_input_history():
