@@ -59,10 +59,8 @@ class Evidence(NamedTuple):
 
     def residuals(self, gains: Gains) -> Array:
         """Weighed residuals (2, 2, n)."""
-        columns = self.columns
-        left: Array = columns[:, 3] - (_by_block(gains)[..., None, None] * columns[:, :3]).sum(
-            axis=1
-        )
+        columns, used = self.columns, _by_block(gains)[..., None, None]
+        left: Array = columns[:, 3] - (used * columns[:, :3]).sum(axis=1)
         return left
 
     def error(self, gains: Gains, weights: Array) -> float:

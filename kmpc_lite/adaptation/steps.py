@@ -58,7 +58,7 @@ class Steps:
         self._least_step, self._jump, self._held = LEAST_STEP * radius, JUMP * radius, HELD * radius
         carried, self.white = whitening(noise, model.dt, scale)
         self._carried = carried[[0, 0, 0, 0, 1, 1, 1, 0, 0] + [0, 0, 1] * LATE]
-        # none in periods that are longer
+        # 0, which explains nothing, where a period is more than twice as long
         self._late = [round(time * scale.time / model.dt) for time in LATER]
 
     def step(
@@ -74,12 +74,14 @@ class Steps:
         x, y, heading = before.tolist()
         if (x, y, heading) != was_after:
             state.carried, state.given = NO_STEPS, []
-        if not math.isfinite(sum(state.after) + x + y + heading + sum(command.tolist())):
+        predicted, numbers = [math.nan], (x, y, heading, *state.after, *command.tolist())
+        if math.isfinite(sum(numbers)):
+            # within one turn: a model may have learned something of the heading itself
+            heading = math.remainder(heading, math.tau)
+            predicted = self._model.predict(np.array((x, y, heading)), command, past).tolist()
+        if not math.isfinite(sum(predicted)):
             _leave_out(state, rejected=True)
             return None
-        # within one turn: a model may have learned something of the heading itself
-        heading = math.remainder(heading, math.tau)
-        predicted = self._model.predict(np.array((x, y, heading)), command, past).tolist()
         turned, h = math.remainder(state.after[2] - heading, math.tau), predicted[2] - heading
         dx, dy = state.after[0] - x, state.after[1] - y
         px, py = rotate(predicted[0] - x, predicted[1] - y, 0.5 * (turned - h))

@@ -43,8 +43,7 @@ def test_long_turns_on_the_spot_are_no_reason_to_relearn_driving(slip, steps):
 
 @pytest.mark.parametrize("steps", [8000, pytest.param(100_000, marks=pytest.mark.long)])
 def test_standing_still_changes_nothing(steps):
-    adaptation = OnlineAdaptation(model_of(0.05))
-    random = np.random.default_rng(0)
+    adaptation, random = OnlineAdaptation(model_of(0.05)), np.random.default_rng(0)
     go(adaptation, DifferentialDrive(0.05, seed=1), 200, 0)
     kept, used = adaptation.state.steps.copy(), adaptation.counts.used
     poses = np.array([0.3, 0.2, 0.1]) + random.normal(size=(steps + 1, 3)) * NOISY
@@ -78,4 +77,5 @@ def test_broken_measurements_are_rejected():
         x = after
     assert not given
     assert adaptation.counts.rejected >= 3 * (4000 // 23) - 60
-    assert adaptation.update(np.zeros(3), np.array([np.nan, 0.0]), np.zeros(3)) is None
+    for command in ([np.nan, 0.0], [np.inf, 1.0], [1e308, -1e308], [0.0, np.inf]):
+        assert adaptation.update(np.zeros(3), np.array(command), np.zeros(3)) is None
