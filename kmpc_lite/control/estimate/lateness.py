@@ -140,9 +140,8 @@ class Lateness:
                 state.found[axis] = int(state.errors[axis, :late].argmin())
         if not self._turns:
             state.found[1] = state.found[0]
-        return (
-            bool(count and self._follows(state, given[-1], least)) or int(state.found.min()) != was
-        )
+        follows = bool(count) and self._follows(state, given[-1], least)
+        return follows or int(state.found.min()) != was
 
     def _likelier(self, state: LatenessState, errors: float, less: float, share: float) -> bool:
         """Whether fading sums of errors tell two answers apart, by a share of the evidence."""
@@ -161,8 +160,7 @@ class Lateness:
             known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
             if (rates < known[columns]).any():
                 known[columns], command[columns] = rates, np.asarray(state.passed)[best, columns]
-                state.errors[axis] = state.errors[
-                    axis
-                ].min()  # as of now nothing is known any better
+                # as of now nothing is known any better
+                state.errors[axis] = state.errors[axis].min()
                 state.found, state.ramps, changed = np.zeros(2, dtype=int), known, True
         return changed
