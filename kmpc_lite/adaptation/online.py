@@ -190,7 +190,7 @@ class OnlineAdaptation:
         if state.count % every == 0 and state.since >= self._window:
             if self._contradicts(self._evidence(self._window), self.options.window_alarm):
                 return self._give_since_change()
-        if self._weights[: state.since].sum() >= state.next_model > 0:
+        if state.next_model and self._weights[: state.since].sum() >= state.next_model:
             following = 2 * state.next_model
             state.next_model = following if following < 0.9 * self._memory else 0
             return self._give(self._estimate(self._evidence(self._memory))[0])

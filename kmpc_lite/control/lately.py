@@ -16,6 +16,11 @@ def longest_lately(before: float, took: float) -> float:
         What this function returned for the time before [s].
     took : float
         The newest time [s].
+
+    Examples
+    --------
+    >>> longest_lately(0.002, 0.005), round(longest_lately(0.002, 0.001), 6)
+    (0.005, 0.0019)
     """
     return max(took, FORGETTING * before)
 
@@ -31,5 +36,10 @@ def newest_weight(memory: float, period: float, longest: float) -> float:
         Between two values [s].
     longest : float
         Period that a longer one counts as [s], so that a mean keeps as many values as with this.
+
+    Examples
+    --------
+    >>> [newest_weight(0.5, *times) for times in ((0.1, 0.1), (0.02, 0.1), (1.0, 0.1), (1.0, 2.0))]
+    [0.2, 0.04, 0.2, 1.0]
     """
     return min(min(period, longest) / memory, 1.0)

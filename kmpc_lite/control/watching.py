@@ -58,9 +58,6 @@ class Watching:
         found, size = state.innovation, known.margins.noise.pose_errors
         instead = self._innovation.see(found, state.history, known.model, size, pose)
         last, found.estimate = found.estimate, None
-        if instead is None and pose is not None and self._weighs:
-            noise, period = known.margins.noise.of_pose(found), state.history.driven
-            found.estimate = noise and estimate(last, period, known.model, *noise, pose)
         if instead is not None:
             state.circles.pose_jumped()
             seen.pose = instead
@@ -69,7 +66,9 @@ class Watching:
         if found.elsewhere:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
             state.seen, state.scans, state.circles = None, None, TrackedCircles()
-        if found.estimate is not None:
+        noise = known.margins.noise.of_pose(found) if self._weighs and pose is not None else None
+        if noise is not None:
+            found.estimate = estimate(last, state.history.driven, known.model, *noise, seen.pose)
             seen.correct(found.estimate.pose)
         measured = seen.measured if seen.pose_is_known else None
         driven = abs(float(state.history.command[0])) * self._dt

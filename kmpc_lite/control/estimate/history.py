@@ -117,10 +117,9 @@ class CommandHistory:
 
     def see(self, pose: Array | None, model: MotionModel, weight: float) -> None:
         """Take in a measured pose (3,), with the newest speeds' weight; none if there is none."""
-        if pose is not None and self.seen is not None and self.driven is not None:
-            x, y, heading = model.predict(
-                self.seen, self.driven.command, self.driven.earlier
-            ).tolist()
+        before, driven = self.seen, self.driven
+        if pose is not None and before is not None and driven is not None:
+            x, y, heading = model.predict(before, driven.command, driven.earlier).tolist()
             ahead, left = rotate(float(pose[0]) - x, float(pose[1]) - y, -heading)
             turn = float(pose[2]) - heading
             beyond = np.array((ahead, left, turn - nearest_turn(turn))) / model.dt

@@ -141,7 +141,6 @@ class ModelNoise:
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
         self.pose_errors = self._pose_errors()
-        self._calm = self.inflated(1.0, False)
 
     def _pose_errors(self) -> tuple[float, float]:
         """Quantiles of the pose's noise in position and heading, of both ends of a period."""
@@ -159,16 +158,13 @@ class ModelNoise:
         None where poses are measured better than any period can be predicted.
         """
         v, omega = state.pace
-        errors, tube, noise = self.expected_errors, self.tube, self._calm
-        inflation, unknown = errors.inflation(state), errors.is_unknown_floor(state)
-        if unknown or inflation != 1.0:
-            noise = self.inflated(inflation, unknown)
+        errors, tube = self.expected_errors, self.tube
+        noise = self.inflated(errors.inflation(state), errors.is_unknown_floor(state))
         measured = 0.5 * tube.poses * (tube.pose + v * v * tube.pose_by_speed)
         moved = noise.command + ADDS_UP * noise.lasting
         moved = (v * v * moved[0] + omega * omega * moved[1]).reshape(STATES, STATES)
         own, turn = errors.own(v, omega)
-        for axis, more in enumerate((own, own, turn)):
-            moved[axis, axis] += more
+        moved.flat[:: STATES + 1] += own, own, turn
         better = all(measured.item(i, i) <= moved.item(i, i) for i in range(STATES))
         return None if better else (moved, measured)
 
