@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
 from kmpc_lite.control.kernels.fill import Around, Iterate, KeepOut, Numbers, PlanMargins
@@ -16,6 +17,7 @@ from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
+Indices = NDArray[np.intc]
 NOTHING = np.empty(0)
 NO_NOISE = Noise(NOTHING, NOTHING, NOTHING, NOTHING, 0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
 
@@ -310,6 +312,32 @@ def along_path(
     states = np.empty((len(later), STATES))
     c.along_path(*path[:3], _dense(later), states, path.braking, place, leg, heading, turning)
     return states
+
+
+def ways(free: NDArray[np.bool_], factor: Array, step: float, goal: int) -> tuple[Array, Indices]:
+    """Shortest ways on a grid (H, W) to a goal, over sixteen neighbours of each node.
+
+    Parameters
+    ----------
+    free : ndarray
+        (H, W) nodes that ways may use.
+    factor : ndarray
+        (H, W) by which lengths count: of a step, that of its upper or left end.
+    step : float
+        Distance between neighbours along the axes [m].
+    goal : int
+        Number of the goal's node.
+
+    Returns
+    -------
+    cost, towards : ndarray
+        (H W,) of the way from each node [m], infinite without one; the next node on it, -1 at the
+        goal and without a way.
+    """
+    nodes, width, own = free.size, free.shape[1], (np.ascontiguousarray(free), _dense(factor))
+    cost, towards = np.empty(nodes), np.empty(nodes, dtype=np.intc)
+    c.ways(*own, cost, towards, np.empty(2 * nodes, dtype=np.intc), width, step, goal)
+    return cost, towards
 
 
 @dataclass(frozen=True, eq=False)

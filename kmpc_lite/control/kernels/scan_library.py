@@ -209,7 +209,7 @@ def pass_rays(
     farther : bool
         Whether those farther away are looked at.
     """
-    where = state.shape[1], place, low, high, origin, turn
+    where = state.shape[1], *place, *low, *high, *origin, *turn
     c.pass_rays(state, seen, extent, squares, *where, distance, farther, clock)
 
 
@@ -240,7 +240,7 @@ def mark(
         Now.
     """
     cells, width = (state, seen, extent, taken), state.shape[1]
-    c.mark(*cells, dense(points), dense(errors), width, place, level, clock)
+    c.mark(*cells, dense(points), dense(errors), width, *place, level, clock)
 
 
 def hit_boxes(
@@ -256,7 +256,7 @@ def hit_boxes(
     top, bottom, left, right = window
     most = max(bottom - top, 0) * max(right - left, 0)
     low, high, count = np.empty((most, 2)), np.empty((most, 2)), np.empty(1, dtype=np.intc)
-    c.hit_boxes(state, extent, low, high, count, state.shape[1], window, place)
+    c.hit_boxes(state, extent, low, high, count, state.shape[1], *place, *window)
     return low[: count[0]].copy(), high[: count[0]].copy()
 
 

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
+from kmpc_lite.control.kernels import library as kernels
 from kmpc_lite.control.path.planner import ROUNDING, PathRequest
 from kmpc_lite.types import Array
 
@@ -41,8 +40,6 @@ COARSE = 8
 FIELD_CELLS = 1_000_000
 """Most cells of a map for which the distance to the nearest obstacle is worked out. Cells of a
 larger or finer one are joined to blocks, which count as occupied where one of their cells is."""
-MOVES = ((0, 1), (1, -1), (1, 0), (1, 1), (1, 2), (2, 1), (2, -1), (1, -2))
-"""From a node to half of its neighbours, by rows and columns: the others have it for theirs."""
 PORTION = 2**18
 """Nodes times edges that are looked at at once: a matter of memory alone."""
 FAR = 1e3
@@ -253,11 +250,8 @@ class Ways:
     """
 
     def __init__(self, free: NDArray[np.bool_], costs: Array, step: float, goal: int) -> None:
-        self.cost: Array
+        self.cost, self._towards = kernels.ways(free, costs, step, goal)
         """(H W,) of the way from each node [m]; infinite if there is none."""
-        self.cost, self._towards = dijkstra(
-            _linked(free, costs, step), directed=False, indices=goal, return_predecessors=True
-        )
 
     def line_from(self, node: int) -> list[int]:
         """Numbers of the nodes on the way from a node to the goal."""
@@ -265,29 +259,3 @@ class Ways:
         while (following := int(self._towards[line[-1]])) >= 0:
             line.append(following)
         return line
-
-
-def _linked(free: NDArray[np.bool_], costs: Array, step: float) -> csr_matrix:
-    """Graph of the sixteen ways between free nodes of a grid (H, W)."""
-    height, width = free.shape
-    links = np.zeros((height, width, len(MOVES)), dtype=bool)
-    for i, (down, right) in enumerate(MOVES):
-        near = [(down, right)]
-        if abs(down) + abs(right) > 2:
-            # of the two nodes beside it one lies straight ahead, one askew
-            side = right // abs(right)
-            near += [(down // 2, abs(right) // 2 * side), (1, side)]
-        first, last = max(-right, 0), width - max(right, 0)
-        here = free[: height - down, first:last].copy()
-        for rows, columns in near:
-            here &= free[rows : height - down + rows, first + columns : last + columns]
-        links[: height - down, first:last, i] = here
-    begins = np.zeros(free.size + 1, dtype=np.int32)
-    np.cumsum(links.sum(axis=2, dtype=np.int32), out=begins[1:])
-    linked = np.flatnonzero(links)
-    tail = linked // len(MOVES)
-    kind = linked - len(MOVES) * tail
-    downs, rights = np.array(MOVES).T
-    head = (tail + (downs * width + rights).take(kind)).astype(np.int32)
-    lengths = (step * np.hypot(downs, rights)).take(kind) * costs.take(tail)
-    return csr_matrix((lengths, head, begins), (free.size, free.size))

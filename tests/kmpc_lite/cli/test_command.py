@@ -14,13 +14,7 @@ import pytest
 import kmpc_lab
 import kmpc_lite
 from kmpc_lab.studies import catalogue
-from kmpc_lite.cli.command import (
-    ENTRY_POINTS,
-    LAB,
-    ROBOT,
-    build_parser,
-    known_commands,
-)
+from kmpc_lite.cli.command import ENTRY_POINTS, LAB, ROBOT, build_parser, known_commands
 from kmpc_lite.cli.extras import EXTRAS
 from kmpc_lite.cli.main import main
 
@@ -117,10 +111,7 @@ def test_another_package_can_add_commands(monkeypatch: pytest.MonkeyPatch) -> No
     ],
 )
 def test_where_the_lab_is_not_installed_its_commands_say_so(
-    line: str,
-    words: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    line: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install(monkeypatch, ROBOTS["entry-points"][ENTRY_POINTS])
     assert main(line.split()) == 2
@@ -189,11 +180,7 @@ def test_colours_are_for_terminals_that_want_them(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("TERM", "xterm")
-    for terminal, no_color, coloured in (
-        (False, "", False),
-        (True, "", True),
-        (True, "1", False),
-    ):
+    for terminal, no_color, coloured in ((False, "", False), (True, "", True), (True, "1", False)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
         monkeypatch.setenv("NO_COLOR", no_color)
         assert main(["fly"]) == 2

@@ -87,11 +87,7 @@ def test_cost_is_the_papers_sum(seed: int, n: int) -> None:
     random = np.random.default_rng(seed)
     root = random.normal(size=(3, 3))
     problem = NavigationProblem(
-        horizon=n,
-        Q=root @ root.T,
-        R=(0.3, 0.7),
-        R_change=(0.2, 0.4),
-        Q_terminal=(4.0, 5.0, 6.0),
+        horizon=n, Q=root @ root.T, R=(0.3, 0.7), R_change=(0.2, 0.4), Q_terminal=(4.0, 5.0, 6.0)
     )
     x, u, goal = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2)), random.normal(size=3)
     total, last = 0.0, random.normal(size=2)

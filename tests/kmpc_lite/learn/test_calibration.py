@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from kmpc_lab import DifferentialDrive, generate_dataset
-from kmpc_lite import (
-    Dataset,
-    Episode,
-    fit,
-    nominal_unicycle,
-)
+from kmpc_lite import Dataset, Episode, fit, nominal_unicycle
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import RISKS, conformal_quantile, scores, with_quantiles
 from kmpc_lite.model.noise_model import NoiseModel

@@ -177,6 +177,13 @@ void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, re
 void kmpc_along_path(const struct kmpc_timed *path, int count, const real *later, real place,
                      real leg, real heading, int turning, real *states);
 
+/* ---- ways.c: shortest ways on a grid to a goal ------------------------------------------------ */
+
+/* Cost of the way from each node, and the next node on it: -1 at the goal, and where no way is. A
+ * step counts its length times the factor of its upper or left end; `room` holds two a node. */
+void kmpc_ways(int height, int width, const unsigned char *usable, const real *factor, real step,
+               int goal, real *cost, int *towards, int *room);
+
 /* ---- clusters.c: small things in a scan ------------------------------------------------------ */
 
 struct kmpc_ring {

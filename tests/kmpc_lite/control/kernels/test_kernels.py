@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse.csgraph
 from reference import kernels, scans
 
 import kmpc_lite as kl
@@ -244,6 +245,27 @@ def test_symmetric_models_move_alike(integrator):
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.parametrize(("height", "width"), [(40, 50), (7, 1), (1, 9)])
+def test_ways_on_a_grid_are_the_shortest(height, width):
+    random, graph = np.random.default_rng(height), scipy.sparse.lil_matrix((height * width,) * 2)
+    usable, factor = random.random((height, width)) < 0.75, 1.0 + random.random((height, width))
+    known = np.pad(usable, 2)
+    for row, column in np.argwhere(usable):
+        for move in ((0, 1), (1, -1), (1, 0), (1, 1), (1, 2), (2, 1), (2, -1), (1, -2)):
+            half = np.fix(np.divide(move, 2)).astype(int)
+            # a longer move passes between two nodes
+            passed = np.array((move, half, move - half)) + (row + 2, column + 2)
+            if known[*passed.T].all():
+                here, length = row * width + column, 0.1 * np.hypot(*move)
+                graph[here, here + move[0] * width + move[1]] = length * factor[row, column]
+    goal = int(random.choice(np.flatnonzero(usable)))
+    expected = scipy.sparse.csgraph.dijkstra(graph.tocsr(), directed=False, indices=goal)
+    cost, towards = library.ways(usable, factor, 0.1, goal)
+    np.testing.assert_allclose(cost, expected, rtol=1e-12)
+    nodes = np.flatnonzero(np.isfinite(cost) & (cost > 0.0))
+    assert (cost[towards[nodes]] < cost[nodes]).all()
+
+
 def test_arrays_that_do_not_fit_are_refused():
     import kmpc_lite.control.kernels._kernels as c
 
@@ -260,11 +282,8 @@ def test_files_in_c_keep_to_the_rules():
     for path in (FOLDER / "c").glob("*.c"):
         if path.stem != "module":
             text = path.read_text()
-            assert set(re.findall(r"#include (\S+)", text)) <= {
-                '"kernels.h"',
-                "<math.h>",
-                "<string.h>",
-            }
+            included = set(re.findall(r"#include (\S+)", text))
+            assert included <= {'"kernels.h"', "<math.h>", "<string.h>"}
             assert not re.search(r"\b(malloc|calloc|free|printf)\b", text)
 
 

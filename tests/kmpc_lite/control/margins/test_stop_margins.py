@@ -103,10 +103,7 @@ def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> N
 def test_a_heading_that_is_off_leads_a_stop_aside_by_all_that_is_driven_after() -> None:
     coefficients = np.zeros((3, 3, 3))
     coefficients[1, 2, 2], coefficients[2, 2, 2] = 2e-3, 1e-3
-    model = dataclasses.replace(
-        nominal_unicycle(0.1),
-        noise_model=NoiseModel(coefficients),
-    )
+    model = dataclasses.replace(nominal_unicycle(0.1), noise_model=NoiseModel(coefficients))
     wary = Wary(model, PROBLEM)
     check, calm = wary.of, wary.felt
     distances, turns = np.array([0.06, 0.04, 0.02, 0.0]), np.array([0.05, -0.03, 0.0, 0.0])

@@ -188,8 +188,9 @@ def test_what_cannot_be_reached_more_closely_is_held_and_reported() -> None:
     """A robot whose poses are noisier than its model knows, and that lags, comes to an end."""
     problem = kl.NavigationProblem(**AREA, du_max=(1.0, 4.0))
     noise, because = (0.015, 0.015, 0.03), "does not get nearer"
-    step, _, away = until_held(problem, 0.15, noise, 20, 900, because)
-    assert step < 900 and away < 0.06
+    # over seeds of the noise 2 to 22 it came to an end after 651 to 1,241 steps
+    step, _, away = until_held(problem, 0.15, noise, 20, 1500, because)
+    assert step < 1500 and away < 0.06
 
 
 def test_tolerances_grow_with_the_robot() -> None:
