@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels import scan_library
+from kmpc_lite.control.kernels import library, scan_library
 from kmpc_lite.control.options.sight import USUAL_OBSTACLES
 from kmpc_lite.control.world.boxes import Boxes
 from kmpc_lite.control.world.occupancy import OccupancyGrid, count_runs
@@ -156,7 +156,7 @@ class View:
         window = here.window(middle, half + distance + here.cell)
         boxes = scan_library.hit_boxes(here.state, here.extent, window, here.place)
         near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
-        begin, end = boxes[0][near, None], boxes[1][near, None]
-        beside = np.maximum(np.maximum(begin - points, points - end), 0.0)
-        beside *= beside
-        return bool(beside.sum(axis=-1).min(initial=np.inf) < distance * distance)
+        if not near.any():
+            return False
+        away = library.box_distances(boxes[0][near], boxes[1][near], points)
+        return bool(away.min() < distance)
