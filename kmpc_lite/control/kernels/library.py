@@ -12,12 +12,12 @@ from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined
 from kmpc_lite.control.kernels.fill import Around, Iterate, KeepOut, Numbers, PlanMargins
 from kmpc_lite.control.kernels.following import Timed
 from kmpc_lite.control.kernels.scan_library import dense as _dense
+from kmpc_lite.control.kernels.scan_map import Bits
 from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
-Indices = NDArray[np.intc]
 NOTHING = np.empty(0)
 NO_NOISE = Noise(NOTHING, NOTHING, NOTHING, NOTHING, 0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
 
@@ -314,7 +314,7 @@ def along_path(
     return states
 
 
-def ways(free: NDArray[np.bool_], factor: Array, step: float, goal: int) -> tuple[Array, Indices]:
+def ways(free: Bits, factor: Array, step: float, goal: int) -> tuple[Array, NDArray[np.intc]]:
     """Shortest ways on a grid (H, W) to a goal, over sixteen neighbours of each node.
 
     Parameters

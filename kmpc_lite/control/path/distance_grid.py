@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from kmpc_lite.control.kernels import library as kernels
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.path.planner import ROUNDING, PathRequest
 from kmpc_lite.types import Array
 
@@ -250,7 +250,7 @@ class Ways:
     """
 
     def __init__(self, free: NDArray[np.bool_], costs: Array, step: float, goal: int) -> None:
-        self.cost, self._towards = kernels.ways(free, costs, step, goal)
+        self.cost, self._towards = library.ways(free, costs, step, goal)
         """(H W,) of the way from each node [m]; infinite if there is none."""
 
     def line_from(self, node: int) -> list[int]:

@@ -11,6 +11,8 @@
 
 #include "kernels.h"
 
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* some kernels take no numbers */
+
 static long reals(const Py_buffer *buffer)
 {
     return (long)(buffer->len / (Py_ssize_t)sizeof(real));
@@ -33,8 +35,8 @@ static const real *or_null(const Py_buffer *buffer)
 
 static int motion_of(struct kmpc_motion *m, const Py_buffer *motion, const Py_buffer *nodes)
 {
-    *m = (struct kmpc_motion){(int)(reals(motion) / 3), (int)(reals(nodes) / 2), motion->buf,
-                              nodes->buf};
+    const int inputs = (int)(reals(motion) / 3), stages = (int)(reals(nodes) / 2);
+    *m = (struct kmpc_motion){inputs, stages, motion->buf, nodes->buf};
     return holds(motion, 3L * m->inputs) && holds(nodes, 2L * m->nodes);
 }
 
@@ -131,8 +133,7 @@ static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
                holds(b + 11, 2L * keep->sides) && holds(b + 12, keep->sides) &&
                holds_ints(b + 13, written) && holds(b + 15, 3 * n) && holds(b + 16, 3 * n) &&
                holds(b + 17, n * slots) && holds(b + 18, 3 * n) && holds(b + 19, (3 + m + 1) * n) &&
-               holds(b + 20, 9) && holds(b + 21, 9) &&
-               holds(b + 29, n - 1) &&
+               holds(b + 20, 9) && holds(b + 21, 9) && holds(b + 29, n - 1) &&
                reals(b + 22) >= kmpc_fill_room(size, kmpc_kinds(keep));
     if (tightens) /* speeds, path clearance, white, lasting, pose, pose by speed */
         fits = fits && n <= KMPC_HORIZON && holds(b + 23, 2 * n) && holds(b + 24, n) &&
@@ -144,7 +145,7 @@ static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
     return fits;
 }
 
-static int fill(Py_buffer *b, const double *n) /* In the order of kernels/library.py. */
+static int fill(Py_buffer *b, const double *n) /* in the order of kernels/library.py */
 {
     const int stages = (int)n[0], places = (int)n[4], directions = (int)n[3];
     const int tightens = n[10] != 0.0;
@@ -225,9 +226,9 @@ static int surely_clear(Py_buffer *b, const double *n)
     return fits;
 }
 
+/* clearance, standing, spend, margins, driven, error, turns, strict, ends, clear */
 static int admissible(Py_buffer *b, const double *n)
 {
-    /* clearance, standing, spend, margins, driven, error, turns, strict, ends, clear */
     const long motions = (long)b[7].len, things = (long)b[6].len;
     const long samples = motions ? reals(b + 3) / motions : 0;
     const long rows = motions * samples, places = rows ? reals(b + 4) / rows : 0;
@@ -252,7 +253,7 @@ static int clusters(Py_buffer *b, const double *n)
                      holds(b + 6, 3 * (beams / 3 + 1)) && holds_ints(b + 7, 1);
     if (fits) {
         const struct kmpc_ring s = {(int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf,
-                               b[4].buf,   n[0],     n[1],     n[2]};
+                                    b[4].buf, n[0], n[1], n[2]};
         *(int *)b[7].buf = kmpc_clusters(&s, b[5].buf, b[6].buf);
     }
     return fits;
@@ -270,13 +271,9 @@ static int follow(Py_buffer *b, const double *n)
     if (fits) {
         real *costs = b[4].buf, *room = costs + tracks * circles;
         int *indices = b[5].buf;
-        struct kmpc_pairs pairs = {indices,
-                                   indices + tracks,
-                                   indices + tracks + all,
-                                   indices + tracks + 2 * all,
-                                   room,
-                                   room + tracks,
-                                   room + tracks + all};
+        int *more = indices + tracks;
+        struct kmpc_pairs pairs = {
+            indices, more, more + all, more + 2 * all, room, room + tracks, room + tracks + all};
         kmpc_follow(&walk, (int)tracks, (int)circles, b[0].buf, b[1].buf, &pairs, costs, b[2].buf,
                     b[3].buf);
     }
@@ -312,7 +309,7 @@ static int cells_of(struct kmpc_cells *c, const double *n, const Py_buffer *stat
 {
     const long cells = (long)state->len, single = (long)sizeof(float);
     const int width = (int)n[0], height = width > 0 ? (int)(cells / width) : 0;
-    *c = (struct kmpc_cells){height,  width,      (int)n[2], (int)n[3], n[1], 0.0, state->buf,
+    *c = (struct kmpc_cells){height, width, (int)n[2], (int)n[3], n[1], 0.0, state->buf,
                              seen ? seen->buf : NULL, extent ? extent->buf : NULL,
                              taken ? taken->buf : NULL};
     return cells == (long)height * width && (!seen || seen->len == single * cells) &&
@@ -324,8 +321,8 @@ static int cells_of(struct kmpc_cells *c, const double *n, const Py_buffer *stat
 
 static int pass_rays(Py_buffer *b, const double *n) /* state, seen, extent, squares */
 {
-    const struct kmpc_rays r = {{n[4], n[5]},   {n[6], n[7]}, {n[8], n[9]}, {n[10], n[11]},
-                                b[3].buf, n[12],        n[13] != 0.0};
+    const struct kmpc_rays r = {{n[4], n[5]}, {n[6], n[7]}, {n[8], n[9]}, {n[10], n[11]},
+                                b[3].buf, n[12], n[13] != 0.0};
     struct kmpc_cells c;
     const int fits = cells_of(&c, n, b, b + 1, b + 2, NULL, NULL) &&
                      b[3].len == (Py_ssize_t)sizeof(float) * (KMPC_DIRECTIONS + 1);
@@ -369,10 +366,11 @@ static int rectangles(Py_buffer *b, const double *n) /* cells, open, found, coun
     return fits;
 }
 
+/* `time` is that of either `step` or `braking`: no kernel looks at both. */
 static int timed_of(struct kmpc_timed *path, const Py_buffer *b, real time)
 {
-    *path = (struct kmpc_timed){(int)reals(b + 1), (int)reals(b + 2), b[0].buf, b[1].buf, b[2].buf,
-                                time,              time};
+    const int poses = (int)reals(b + 1), cusps = (int)reals(b + 2);
+    *path = (struct kmpc_timed){poses, cusps, b[0].buf, b[1].buf, b[2].buf, time, time};
     return path->poses > 1 && holds(b, 3L * path->poses);
 }
 
