@@ -1,4 +1,4 @@
-"""The frames of an autopilot's link, both ways: recorded between driver and transport, and read.
+"""The frames of an autopilot's link, both ways: recorded between driver and transport.
 
 They make a tlog (before each frame its time, big-endian uint64 microseconds since 1970), which
 MAVProxy, QGroundControl and mavlogdump read.
@@ -8,29 +8,23 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 from firmware_bridge.link import OnBytes, Transport
-from firmware_bridge.messages import ConfigError
 from firmware_bridge.recording.durable import DurableFile
-from kmpc_lite.reading import read_bytes
 
 TLOG_STAMP = struct.Struct(">Q")
-MAX_BYTES, MAX_RECORDS = 2**28, 2**22
-"""Of the longest log that is read: it is held in memory."""
-V1, V2, SIGNED = 0xFE, 0xFD, 1
-"""First bytes of MAVLink frames, and the flag of a signed one."""
 
 
 class Chunk(NamedTuple):
     """Bytes that passed at one time."""
 
     time: float
-    """[s], of whatever clock the log has."""
-    incoming: bool | None
-    """From the board; None if the log does not tell."""
+    """Of `time.monotonic` [s]."""
+    incoming: bool
+    """From the board."""
     data: bytes
 
 
@@ -94,54 +88,9 @@ def tlog(path: Path) -> DurableFile[Chunk]:
     def encode(chunks: Iterable[Chunk]) -> list[bytes]:
         parts: list[bytes] = []
         for chunk in chunks:
-            frames = (
-                [bytes(frame) for frame in codec.frames(chunk.data, chunk.time)]
-                if chunk.incoming
-                else [chunk.data]
-            )
+            frames = codec.frames(chunk.data, chunk.time) if chunk.incoming else [chunk.data]
             stamp = TLOG_STAMP.pack(int((chunk.time + unix) * 1e6))
             parts += [stamp + frame for frame in frames]
         return parts
 
     return DurableFile(path, encode)
-
-
-def read_link_log(path: Path) -> Iterator[Chunk]:
-    """Read a tlog; a record that a power cut tore off the end is left out.
-
-    Raises
-    ------
-    ConfigError
-        For a file that is missing, too long, or none.
-    """
-    try:
-        content = read_bytes(path, MAX_BYTES)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read: {error.strerror or error}") from error
-    if len(content) > TLOG_STAMP.size and content[TLOG_STAMP.size] in (V1, V2):
-        return _at_most(MAX_RECORDS, _read_tlog(content, path), path)
-    raise ConfigError(f"{path}: expected a tlog")
-
-
-def _at_most(most: int, chunks: Iterator[Chunk], path: Path) -> Iterator[Chunk]:
-    for number, chunk in enumerate(chunks):
-        if number >= most:
-            raise ConfigError(f"{path}: more than {most:,} records: cut the log")
-        yield chunk
-
-
-def _read_tlog(content: bytes, path: Path) -> Iterator[Chunk]:
-    at = 0
-    while at + TLOG_STAMP.size + 10 <= len(content):
-        (stamp,) = TLOG_STAMP.unpack_from(content, at)
-        start = at + TLOG_STAMP.size
-        magic, length, flags = content[start : start + 3]
-        if magic not in (V1, V2):
-            raise ConfigError(
-                f"{path}: byte {start}: expected a MAVLink frame, got {magic:#04x}: damaged"
-            )
-        size = 8 + length if magic == V1 else 12 + length + (13 if flags & SIGNED else 0)
-        at = start + size
-        if at > len(content):
-            return
-        yield Chunk(stamp * 1e-6, None, content[start:at])

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.recording.durable import DurableFile
-from firmware_bridge.recording.link_log import Chunk, read_link_log
-from firmware_bridge.recording.recorder import (
-    HEADER,
-    RowSampler,
-    Tick,
-    csv_row,
-)
+from firmware_bridge.recording.recorder import HEADER, RowSampler, Tick, csv_row
+from kmpc_lite.learn.formats.ardupilot import frames
 
 
 def replay(log: Path, csv: str | None, period: float, system: int) -> dict[str, Any]:
@@ -24,53 +20,55 @@ def replay(log: Path, csv: str | None, period: float, system: int) -> dict[str, 
     Parameters
     ----------
     log : Path
-        A tlog.
+        A tlog; what is no frame in it is passed over.
     csv : str, optional
         New file for the rows of a tlog.
     period : float
         Of the rows [s].
     system : int
         MAVLink id of the vehicle.
+
+    Raises
+    ------
+    ConfigError
+        If the log cannot be read, or holds no frame.
     """
-    chunks = list(read_link_log(log))
-    if not chunks:
-        raise ConfigError(f"{log}: no whole record in it")
-    report: dict[str, Any] = {
-        "log": str(log),
-        "records": len(chunks),
-        "seconds": round(chunks[-1].time - chunks[0].time, 3),
-        "longest_gap": round(
-            max((b.time - a.time for a, b in zip(chunks, chunks[1:], strict=False)), default=0.0), 3
-        ),
-    }
-    states, messages = decode_tlog(chunks, system)
-    report |= {"messages": dict(messages.most_common()), "poses": len(states)}
-    steps = zip(states, states[1:], strict=False)
-    report["distance"] = round(sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in steps), 3)
-    if csv is not None:
-        report |= {"csv": csv, "rows": write_csv(Path(csv), states, period)}
-    return report
-
-
-def decode_tlog(chunks: list[Chunk], system: int) -> tuple[list[State], Counter[str]]:
-    """Poses of the vehicle, and how many messages of each kind the log holds, of whomever."""
     from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
     from firmware_bridge.drivers.mavlink.core import MavlinkCore
     from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 
     core = MavlinkCore(MavlinkOptions(system=system), lambda frame: None, 0.0)
     codec, messages, states = MavlinkCodec(255, 190), Counter[str](), list[State]()
-    for chunk in chunks:
-        messages.update(message.get_type() for message in codec.feed(chunk.data, chunk.time))
-        core.receive(chunk.data, chunk.time)
-        if core.state is not None and (not states or core.state.stamp > states[-1].stamp):
-            states.append(core.state)
-    return states, messages
+    first = last = None
+    gap = 0.0
+    try:
+        for time, _, frame in frames(log):
+            messages.update(message.get_type() for message in codec.feed(frame, time))
+            core.receive(frame, time)
+            if core.state is not None and (not states or core.state.stamp > states[-1].stamp):
+                states.append(core.state)
+            gap = gap if last is None else max(gap, time - last)
+            first, last = time if first is None else first, time
+    except OSError as error:
+        raise ConfigError(f"{log}: cannot read: {error.strerror or error}") from error
+    if first is None or last is None or not messages:
+        raise ConfigError(f"{log}: no MAVLink frame in it: not a tlog, or empty")
+    way = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(states))
+    report = {
+        "log": str(log),
+        "records": messages.total(),
+        "seconds": round(last - first, 3),
+        "longest_gap": round(gap, 3),
+        "messages": dict(messages.most_common()),
+        "poses": len(states),
+        "distance": round(way, 3),
+    }
+    return report if csv is None else {**report, "csv": csv, "rows": _write(csv, states, period)}
 
 
-def write_csv(path: Path, states: list[State], period: float) -> int:
+def _write(csv: str, states: list[State], period: float) -> int:
     """Write poses and measured speeds on an even grid; gives the number of rows."""
-    file: DurableFile[bytes] = DurableFile(path, list, HEADER)
+    file: DurableFile[bytes] = DurableFile(Path(csv), list, HEADER)
     sampler, rows = RowSampler(period, by_hand=True), []
     for state in states:
         rows += sampler.take(Tick(state.stamp, state, None, True))

@@ -33,8 +33,8 @@ import kmpc_lab
 import kmpc_lite as kl
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.messages import BridgeError
-from firmware_bridge.recording.link_log import TLOG_STAMP, read_link_log
-from firmware_bridge.recording.replay import decode_tlog
+from firmware_bridge.recording.link_log import TLOG_STAMP
+from firmware_bridge.recording.replay import replay
 from firmware_bridge.robot_file import load_robot
 from kmpc_lab import Run, drive
 from kmpc_lab.recording.drive_file import load_drive
@@ -139,12 +139,6 @@ def _drive(path: Path) -> None:
 
 def _robot(path: Path) -> None:
     load_robot(path).driver_table()
-
-
-def _link_log(path: Path) -> None:
-    chunks = list(read_link_log(path))
-    if chunks:
-        decode_tlog(chunks, 1)
 
 
 def _records(path: Path) -> None:
@@ -272,7 +266,7 @@ def make_readers(folder: Path) -> dict[str, Reader]:
             kl.OccupancyGrid.load,
         ),
         "robot": Reader({"robot.toml": ROBOT.encode()}, _robot),
-        "tlog": Reader({"drive.tlog": _tlog()}, _link_log),
+        "tlog": Reader({"drive.tlog": _tlog()}, lambda path: replay(path, None, 0.1, 1)),
         "records": Reader({"records.jsonl": 3 * _record()}, _records),
         "key": Reader({"signing.key": 32 * b"ab" + b"\n"}, _key),
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator
-from functools import singledispatchmethod
 from typing import Any
 
 import numpy as np
@@ -36,6 +35,7 @@ STAGES = 25
 """So many stages of a plan are recorded at the most: every so manieth of a longer one."""
 POINTS = 100
 """So many points of a path."""
+Told = Iterator[tuple[str, dict[str, Any]]]
 SCENE_PERIOD = 0.2
 """Time between two scenes, which are for eyes alone [s]."""
 
@@ -73,21 +73,9 @@ class DriveEncoder:
             "about": self._about,
         }
         texts = {"format": FORMAT, "version": VERSION, "drive": _json(told)}
-        shown = self.map_message(time)
-        return (
-            self._writer.begin("kmpc-lite")
-            + self._writer.metadata(BEGIN, texts)
-            + self._writer.chunk([shown])
-        )
-
-    def map_message(self, time: float) -> Message:
-        """Show what stays, for viewers and files."""
+        begun = self._writer.begin("kmpc-lite") + self._writer.metadata(BEGIN, texts)
         now = self._nanoseconds(time)
-        return Message("/map", now, map_scene(now, self._scenario))
-
-    def messages(self, record: Record) -> list[Message]:
-        """Give the messages of one record, as viewers get them."""
-        return list(self._messages(record, self._nanoseconds(record.time)))
+        return begun + self._writer.chunk([Message("/map", now, map_scene(now, self._scenario))])
 
     def encode(self, records: Iterable[Record]) -> list[bytes]:
         """Give the pieces of records; each can be read by itself."""
@@ -97,75 +85,44 @@ class DriveEncoder:
             if isinstance(record, Ended):
                 ended = record
             else:
-                messages += self.messages(record)
+                now = self._nanoseconds(record.time)
+                told = (
+                    self._stepped(record, now)
+                    if isinstance(record, Stepped)
+                    else _told(record, now)
+                )
+                messages += [Message(topic, now, content) for topic, content in told]
         pieces = [self._writer.chunk(messages)]
         if ended is not None:
-            told = {**ended.outcome, "end": ended.time}
-            pieces.append(self._writer.metadata(END, {"outcome": _json(told)}) + self._writer.end())
+            outcome = _json({**ended.outcome, "end": ended.time})
+            pieces.append(self._writer.metadata(END, {"outcome": outcome}) + self._writer.end())
         return list(filter(None, pieces))
 
     def _nanoseconds(self, time: float) -> int:
         return max(0, round(1e9 * (time + self._offset)))
 
-    @singledispatchmethod
-    def _messages(self, record: Any, now: int) -> Iterator[Message]:
-        raise TypeError(f"nothing is recorded of {record!r:.60}")
-
-    @_messages.register
-    def _(self, record: PoseSeen, now: int) -> Iterator[Message]:
-        if all(map(math.isfinite, record.pose)):
-            yield Message("/pose", now, foxglove.pose_in_frame(now, record.pose))
-            yield Message("/tf", now, foxglove.transform(now, record.pose))
-
-    @_messages.register
-    def _(self, record: TruePose, now: int) -> Iterator[Message]:
-        yield Message("/truth", now, foxglove.pose_in_frame(now, record.pose))
-
-    @_messages.register
-    def _(self, record: Sent, now: int) -> Iterator[Message]:
-        told = dict(zip(("v", "omega", "vy"), (round(s, 6) for s in record.command), strict=True))
-        yield Message("/command", now, {"timestamp": stamp(now), **told})
-
-    @_messages.register
-    def _(self, record: Gate, now: int) -> Iterator[Message]:
-        reasons = list(record.reasons)
-        told = {"timestamp": stamp(now), "state": record.state, "reasons": reasons}
-        yield Message("/gate", now, told)
-        words = f"gate {record.state.lower()}" + (f": {', '.join(reasons)}" if reasons else "")
-        yield Message("/log", now, foxglove.log(now, words, bool(reasons)))
-
-    @_messages.register
-    def _(self, record: Health, now: int) -> Iterator[Message]:
-        yield Message("/health", now, {**_plain(record.values), "timestamp": stamp(now)})
-
-    @_messages.register
-    def _(self, record: Note, now: int) -> Iterator[Message]:
-        yield Message("/log", now, foxglove.log(now, record.text, record.bad))
-
-    @_messages.register
-    def _(self, record: Stepped, now: int) -> Iterator[Message]:
+    def _stepped(self, record: Stepped, now: int) -> Told:
         plan, stride = record.plan, -(-(len(record.plan.states) - 1) // STAGES)
-        yield Message("/step", now, self._step(record, now, stride))
-        states = _finite(plan.states[::stride])
-        yield Message("/plan", now, foxglove.poses_in_frame(now, states.tolist()))
+        yield "/step", self._step(record, now, stride)
+        yield "/plan", foxglove.poses_in_frame(now, _finite(plan.states[::stride]).tolist())
         if not np.array_equal(record.path, self._path):
             self._path = record.path
             poses = _along(record.path[:: max(1, -(-len(record.path) // POINTS))])
-            yield Message("/path", now, foxglove.poses_in_frame(now, poses.tolist()))
+            yield "/path", foxglove.poses_in_frame(now, poses.tolist())
         if not np.array_equal(record.circles, self._circles):
             self._circles = record.circles
             rows = np.round(_finite(record.circles), 4).tolist()
-            yield Message("/obstacles", now, {"timestamp": stamp(now), "circles": rows})
+            yield "/obstacles", {"timestamp": stamp(now), "circles": rows}
         due = record.time - self._scene_time >= SCENE_PERIOD - 1e-6
         if due and np.isfinite(plan.states).all():
             self._scene_time = record.time
-            yield Message("/scene", now, step_scene(now, self._scenario, record))
+            yield "/scene", step_scene(now, self._scenario, record)
         if record.scan is not None:
-            yield Message("/scan", now, foxglove.laser_scan(now, record.scan))
+            yield "/scan", foxglove.laser_scan(now, record.scan)
         words = f"{plan.status.name.lower()}: {plan.reason}" if plan.reason else plan.status.name
         if words != self._status:
             self._status = words
-            yield Message("/log", now, foxglove.log(now, f"plan {words}", bool(plan.reason)))
+            yield "/log", foxglove.log(now, f"plan {words}", bool(plan.reason))
 
     def _step(self, record: Stepped, now: int, stride: int) -> dict[str, Any]:
         plan = record.plan
@@ -188,6 +145,28 @@ class DriveEncoder:
             "stage_time": stride * self._dt,
             "margins": np.round(_finite(record.margins[::stride]), 5).tolist(),
         }
+
+
+def _told(record: Record, now: int) -> Told:
+    """Topics and messages of a record that is not a step."""
+    at = {"timestamp": stamp(now)}
+    match record:
+        case PoseSeen(_, pose) if all(map(math.isfinite, pose)):
+            yield "/pose", foxglove.pose_in_frame(now, pose)
+            yield "/tf", foxglove.transform(now, pose)
+        case TruePose(_, pose):
+            yield "/truth", foxglove.pose_in_frame(now, pose)
+        case Sent(_, command):
+            speeds = (round(speed, 6) for speed in command)
+            yield "/command", {**at, **dict(zip(("v", "omega", "vy"), speeds, strict=True))}
+        case Gate(_, state, reasons):
+            yield "/gate", {**at, "state": state, "reasons": list(reasons)}
+            words = ": ".join(filter(None, (f"gate {state.lower()}", ", ".join(reasons))))
+            yield "/log", foxglove.log(now, words, bool(reasons))
+        case Health(_, values):
+            yield "/health", {**_plain(values), **at}
+        case Note(_, text, bad):
+            yield "/log", foxglove.log(now, text, bad)
 
 
 def _finite(values: Array) -> Array:

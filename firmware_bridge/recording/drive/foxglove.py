@@ -19,6 +19,8 @@ INFO, WARNING = 2, 3
 DIGITS = 4
 """Of lengths: a tenth of a millimetre."""
 ORIGIN = (0.0, 0.0, 0.0)
+SHAPES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+"""That an entity may have."""
 
 
 def stamp(nanoseconds: int) -> Content:
@@ -33,12 +35,8 @@ def vector(x: float, y: float, z: float = 0.0) -> Content:
 
 def quaternion(heading: float) -> Content:
     """Turn by a heading [rad]."""
-    return {
-        "x": 0.0,
-        "y": 0.0,
-        "z": round(math.sin(heading / 2), 6),
-        "w": round(math.cos(heading / 2), 6),
-    }
+    half = heading / 2
+    return {"x": 0.0, "y": 0.0, "z": round(math.sin(half), 6), "w": round(math.cos(half), 6)}
 
 
 def pose(x: float, y: float, heading: float, z: float = 0.0) -> Content:
@@ -46,15 +44,18 @@ def pose(x: float, y: float, heading: float, z: float = 0.0) -> Content:
     return {"position": vector(x, y, z), "orientation": quaternion(heading)}
 
 
+def _head(time: int, frame: str = MAP) -> Content:
+    return {"timestamp": stamp(time), "frame_id": frame}
+
+
 def pose_in_frame(time: int, place: Sequence[float]) -> Content:
     """A ``foxglove.PoseInFrame``."""
-    return {"timestamp": stamp(time), "frame_id": MAP, "pose": pose(*place)}
+    return {**_head(time), "pose": pose(*place)}
 
 
 def poses_in_frame(time: int, places: Iterable[Sequence[float]]) -> Content:
     """A ``foxglove.PosesInFrame``."""
-    poses = [pose(*place) for place in places]
-    return {"timestamp": stamp(time), "frame_id": MAP, "poses": poses}
+    return {**_head(time), "poses": [pose(*place) for place in places]}
 
 
 def transform(time: int, place: Sequence[float]) -> Content:
@@ -73,8 +74,7 @@ def laser_scan(time: int, scan: LaserScan) -> Content:
     sense = -1.0 if scan.mirrored else 1.0
     first, step = sense * scan.angle_min, sense * scan.angle_increment
     return {
-        "timestamp": stamp(time),
-        "frame_id": ROBOT,
+        **_head(time, ROBOT),
         "pose": pose(*scan.mount),
         "start_angle": first,
         "end_angle": first + step * (len(scan) - 1),
@@ -100,35 +100,23 @@ def disc(
     x: float, y: float, radius: float, height: float, paint: Content, z: float = 0.0
 ) -> Content:
     """A cylinder that stands on the floor, or `z` above it [m]."""
-    return {
-        "pose": pose(x, y, 0.0, z + height / 2),
-        "size": vector(2 * radius, 2 * radius, height),
-        "bottom_scale": 1.0,
-        "top_scale": 1.0,
-        "color": paint,
-    }
+    size = vector(2 * radius, 2 * radius, height)
+    place = {"pose": pose(x, y, 0.0, z + height / 2), "size": size}
+    return {**place, "bottom_scale": 1.0, "top_scale": 1.0, "color": paint}
 
 
 def box(centre: Sequence[float], size: Sequence[float], height: float, paint: Content) -> Content:
     """A cuboid that stands on the floor: centre x, y, heading, and size along and across [m]."""
     x, y, heading = centre
-    return {
-        "pose": pose(x, y, heading, height / 2),
-        "size": vector(size[0], size[1], height),
-        "color": paint,
-    }
+    place = pose(x, y, heading, height / 2)
+    return {"pose": place, "size": vector(size[0], size[1], height), "color": paint}
 
 
 def arrow(x: float, y: float, heading: float, length: float, paint: Content) -> Content:
     """An arrow that lies on the floor."""
-    return {
-        "pose": pose(x, y, heading),
-        "shaft_length": round(0.7 * length, DIGITS),
-        "shaft_diameter": round(0.1 * length, DIGITS),
-        "head_length": round(0.3 * length, DIGITS),
-        "head_diameter": round(0.25 * length, DIGITS),
-        "color": paint,
-    }
+    shares = {"shaft_length": 0.7, "shaft_diameter": 0.1, "head_length": 0.3, "head_diameter": 0.25}
+    sizes = {name: round(share * length, DIGITS) for name, share in shares.items()}
+    return {"pose": pose(x, y, heading), **sizes, "color": paint}
 
 
 def line(
@@ -139,45 +127,19 @@ def line(
     z: float = 0.0,
 ) -> Content:
     """A line of a thickness in metres."""
-    return {
-        "type": kind,
-        "pose": pose(*ORIGIN),
-        "thickness": round(thickness, DIGITS),
-        "scale_invariant": False,
-        "points": [vector(float(p[0]), float(p[1]), z) for p in points],
-        "color": paint,
-        "colors": [],
-        "indices": [],
-    }
+    told = [vector(float(p[0]), float(p[1]), z) for p in points]
+    drawn = {"thickness": round(thickness, DIGITS), "scale_invariant": False, "points": told}
+    head = {"type": kind, "pose": pose(*ORIGIN)}
+    return {**head, **drawn, "color": paint, "colors": [], "indices": []}
 
 
-def entity(
-    time: int,
-    name: str,
-    *,
-    frame: str = MAP,
-    cylinders: Sequence[Content] = (),
-    lines: Sequence[Content] = (),
-    cubes: Sequence[Content] = (),
-    arrows: Sequence[Content] = (),
-) -> Content:
-    """A ``foxglove.SceneEntity``, which stays until one of its name comes."""
-    return {
-        "timestamp": stamp(time),
-        "frame_id": frame,
-        "id": name,
-        "lifetime": {"sec": 0, "nsec": 0},
-        "frame_locked": True,
-        "metadata": [],
-        "arrows": list(arrows),
-        "cubes": list(cubes),
-        "spheres": [],
-        "cylinders": list(cylinders),
-        "lines": list(lines),
-        "triangles": [],
-        "texts": [],
-        "models": [],
-    }
+def entity(time: int, name: str, *, frame: str = MAP, **shapes: Sequence[Content]) -> Content:
+    """A ``foxglove.SceneEntity`` of arrows, cubes, cylinders and lines.
+
+    It stays until one of its name comes.
+    """
+    head = {"id": name, "lifetime": {"sec": 0, "nsec": 0}, "frame_locked": True, "metadata": []}
+    return {**_head(time, frame), **head, **{kind: list(shapes.get(kind, ())) for kind in SHAPES}}
 
 
 def scene(entities: Sequence[Content]) -> Content:

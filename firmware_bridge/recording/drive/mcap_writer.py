@@ -7,7 +7,6 @@ is read up to there; what a reader needs to jump in the file follows at its end.
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -38,11 +37,10 @@ class _Pieces:
     """A file whose bytes are taken piece by piece."""
 
     def __init__(self) -> None:
-        self._place, self._parts = 0, list[bytes]()
+        self._place, self._new = 0, b""
 
     def write(self, data: bytes) -> int:
-        self._parts.append(bytes(data))
-        self._place += len(data)
+        self._place, self._new = self._place + len(data), self._new + data
         return len(data)
 
     def tell(self) -> int:
@@ -53,8 +51,8 @@ class _Pieces:
 
     def taken(self) -> bytes:
         """What was written since this was asked before."""
-        parts, self._parts = self._parts, []
-        return b"".join(parts)
+        new, self._new = self._new, b""
+        return new
 
 
 class McapWriter:
@@ -71,21 +69,16 @@ class McapWriter:
 
         self._topics, self._out = list(topics), _Pieces()
         out: Any = self._out
-        self._writer = Writer(out, chunk_size=LARGEST, compression=CompressionType.NONE)
+        self._writer: Any = Writer(out, chunk_size=LARGEST, compression=CompressionType.NONE)
         self._channels: dict[str, int] = {}
-        self._counts: Counter[str] = Counter()
 
     def begin(self, library: str) -> bytes:
         """Give the beginning of the file."""
         self._writer.start(PROFILE, library)
         kinds = {topic.schema: topic.description for topic in self._topics}
-        schemas = {
-            name: self._writer.register_schema(name, "jsonschema", _json(told))
-            for name, told in kinds.items()
-        }
-        for topic in self._topics:
-            number = self._writer.register_channel(topic.name, "json", schemas[topic.schema])
-            self._channels[topic.name] = number
+        register, channel = self._writer.register_schema, self._writer.register_channel
+        schemas = {kind: register(kind, "jsonschema", _json(told)) for kind, told in kinds.items()}
+        self._channels = {t.name: channel(t.name, "json", schemas[t.schema]) for t in self._topics}
         return self._piece()
 
     def metadata(self, name: str, entries: Mapping[str, str]) -> bytes:
@@ -97,18 +90,18 @@ class McapWriter:
         """Give a piece with messages; none if there are none."""
         listed = [(m, _json(m.content)) for m in sorted(messages, key=lambda m: m.time)]
         for message, data in listed:
-            self._counts[message.topic] += 1
-            channel, count = self._channels[message.topic], self._counts[message.topic]
-            self._writer.add_message(channel, message.time, data, message.time, count)
+            self._writer.add_message(
+                self._channels[message.topic], message.time, data, message.time
+            )
         return self._piece()
 
     def end(self) -> bytes:
         """Give the end of the file: what a reader needs to jump in it."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()
         return self._out.taken()
 
     def _piece(self) -> bytes:
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
         return self._out.taken()
 
 

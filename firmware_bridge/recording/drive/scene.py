@@ -6,18 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from firmware_bridge.recording.drive.foxglove import (
-    LOOP,
-    ROBOT,
-    Content,
-    arrow,
-    box,
-    colour,
-    disc,
-    entity,
-    line,
-    scene,
-)
+from firmware_bridge.recording.drive import foxglove as fg
+from firmware_bridge.recording.drive.foxglove import LOOP, ROBOT, Content, box, colour, entity, line
 from firmware_bridge.recording.drive.records import Stepped
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.outlines import corners_of
@@ -48,27 +38,20 @@ def map_scene(time: int, scenario: Scenario) -> Content:
     radius, thin = scenario.radius, 0.1 * scenario.radius
     x, y, heading = scenario.goal
     green, blue = colour(GREEN, 0.6), colour(BLUE, 0.9)
+    at_goal = _body(scenario, scenario.goal, radius, FLAT, green)
+    body = _body(scenario, fg.ORIGIN, radius, LOW * radius + FLAT, blue)
+    goal = [fg.arrow(x, y, heading, 2.0 * radius, green)]
+    ahead = [fg.arrow(0.0, 0.0, 0.0, 1.4 * radius, blue)]
     found = [
         entity(time, "area", lines=[line(corners, thin, colour(INK), LOOP)]),
-        entity(
-            time,
-            "goal",
-            **_body(scenario, scenario.goal, radius, FLAT, green),
-            arrows=[arrow(x, y, heading, 2.0 * radius, green)],
-        ),
-        entity(
-            time,
-            "robot",
-            frame=ROBOT,
-            **_body(scenario, (0.0, 0.0, 0.0), radius, LOW * radius + FLAT, blue),
-            arrows=[arrow(0.0, 0.0, 0.0, 1.4 * radius, blue)],
-        ),
+        entity(time, "goal", **at_goal, arrows=goal),
+        entity(time, "robot", frame=ROBOT, **body, arrows=ahead),
     ]
     if scenario.solids is not None:
         height = HEIGHT * 2 * radius
         for k, solid in enumerate(scenario.solids.solids):
             found.append(_solid(time, f"obstacle {k}", solid, height, thin))
-    return scene(found)
+    return fg.scene(found)
 
 
 def _body(
@@ -76,7 +59,7 @@ def _body(
 ) -> Content:
     """Parts of an entity: what a robot covers: a disc of a radius, or its outline."""
     if scenario.footprint is None:
-        return {"cylinders": [disc(pose[0], pose[1], radius, height, paint)]}
+        return {"cylinders": [fg.disc(pose[0], pose[1], radius, height, paint)]}
     corners = scenario.footprint.at(pose)
     return {"lines": [line(corners, 0.1 * scenario.radius, paint, LOOP, height)]}
 
@@ -107,10 +90,10 @@ def step_scene(time: int, scenario: Scenario, step: Stepped) -> Content:
     """Show what a step saw and keeps: circles, their margins, and the room that the plan takes."""
     grey, orange, radius = colour(GREY), colour(ORANGE, 0.25), scenario.radius
     height = HEIGHT * 2 * radius
-    circles = [disc(x, y, r, height, grey) for x, y, r, *_ in step.circles.tolist()]
+    circles = [fg.disc(x, y, r, height, grey) for x, y, r, *_ in step.circles.tolist()]
     near, kept = margins_of(step.circles, step.plan.states, step.margins)
     rings = [
-        disc(x, y, r + margin, FLAT, orange)
+        fg.disc(x, y, r + margin, FLAT, orange)
         for (x, y, r, *_), margin in zip(step.circles[near].tolist(), kept.tolist(), strict=True)
     ]
     states = step.plan.states[1:]
@@ -123,7 +106,7 @@ def step_scene(time: int, scenario: Scenario, step: Stepped) -> Content:
     path = [line(step.path, 0.1 * radius, colour(GREEN))] if len(step.path) > 1 else []
     seen = entity(time, "circles", cylinders=circles)
     kept_off = entity(time, "margins", cylinders=rings)
-    return scene([seen, kept_off, *room, entity(time, "path", lines=path)])
+    return fg.scene([seen, kept_off, *room, entity(time, "path", lines=path)])
 
 
 def margins_of(circles: Array, states: Array, margins: Array) -> tuple[Array, Array]:

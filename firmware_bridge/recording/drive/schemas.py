@@ -1,149 +1,96 @@
-"""JSON schemas of what is recorded: Foxglove's own kinds by its names, and this project's.
+"""Topics of a recorded drive, and the JSON schemas of their kinds, made from an example of each.
 
-Foxglove's are described at https://docs.foxglove.dev/docs/sdk/schemas; here stands the part of each
-that is written.
+Foxglove's kinds are described at https://docs.foxglove.dev/docs/sdk/schemas; here stands the part
+of each that is written.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from firmware_bridge.recording.drive import foxglove as fg
 from firmware_bridge.recording.drive.mcap_writer import Topic
 
 Schema = dict[str, Any]
-NUMBER: Schema = {"type": "number"}
-INTEGER: Schema = {"type": "integer"}
-TEXT: Schema = {"type": "string"}
-TRUTH: Schema = {"type": "boolean"}
-NUMBERS: Schema = {"type": "array", "items": NUMBER}
+KINDS = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
 
-def table(title: str = "", /, **parts: Schema) -> Schema:
-    """Describe an object, all of whose parts are there."""
-    named = {"title": title} if title else {}
-    return {**named, "type": "object", "properties": parts, "required": list(parts)}
+def schema_of(example: Any) -> Schema:
+    """Describe what is like an example: all its parts are there; None is a number or null.
+
+    Examples
+    --------
+    >>> schema_of({"v": 0.0})["properties"]
+    {'v': {'type': 'number'}}
+    """
+    if example is None:
+        return {"anyOf": [schema_of(0.0), {"type": "null"}]}
+    if isinstance(example, list):
+        return {"type": "array", "items": schema_of(example[0] if example else {})}
+    if isinstance(example, dict):
+        parts = {name: schema_of(part) for name, part in example.items()}
+        return {"type": "object", "properties": parts, "required": list(parts)}
+    return {"type": KINDS[type(example)]}
 
 
-def numbers(names: str) -> dict[str, Schema]:
-    """Describe numbers by their names, parted by blanks."""
-    return dict.fromkeys(names.split(), NUMBER)
-
-
-def many(items: Schema) -> Schema:
-    """Describe a list."""
-    return {"type": "array", "items": items}
-
-
-def either(schema: Schema) -> Schema:
-    """Describe what may also be null: it is not known."""
-    return {"anyOf": [schema, {"type": "null"}]}
-
-
-TIME = table(sec=INTEGER, nsec=INTEGER)
-VECTOR = table(**numbers("x y z"))
-QUATERNION = table(**numbers("x y z w"))
-POSE = table(position=VECTOR, orientation=QUATERNION)
-COLOUR = table(**numbers("r g b a"))
-CYLINDER = table(pose=POSE, size=VECTOR, **numbers("bottom_scale top_scale"), color=COLOUR)
-CUBE = table(pose=POSE, size=VECTOR, color=COLOUR)
-ARROW_SIZES = numbers("shaft_length shaft_diameter head_length head_diameter")
-ARROW = table(pose=POSE, **ARROW_SIZES, color=COLOUR)
-LINE = table(
-    type=INTEGER,
-    pose=POSE,
-    thickness=NUMBER,
-    scale_invariant=TRUTH,
-    points=many(VECTOR),
-    color=COLOUR,
-    colors=many(COLOUR),
-    indices=many(INTEGER),
-)
-ANY = many({"type": "object"})
-ENTITY = table(
-    timestamp=TIME,
-    frame_id=TEXT,
-    id=TEXT,
-    lifetime=TIME,
-    frame_locked=TRUTH,
-    metadata=many(table(key=TEXT, value=TEXT)),
-    arrows=many(ARROW),
-    cubes=many(CUBE),
-    spheres=ANY,
-    cylinders=many(CYLINDER),
-    lines=many(LINE),
-    triangles=ANY,
-    texts=ANY,
-    models=ANY,
-)
-SCENE = table("foxglove.SceneUpdate", deletions=ANY, entities=many(ENTITY))
-POSE_IN_FRAME = table("foxglove.PoseInFrame", timestamp=TIME, frame_id=TEXT, pose=POSE)
-POSES_IN_FRAME = table("foxglove.PosesInFrame", timestamp=TIME, frame_id=TEXT, poses=many(POSE))
-TRANSFORM = table(
-    "foxglove.FrameTransform",
-    timestamp=TIME,
-    parent_frame_id=TEXT,
-    child_frame_id=TEXT,
-    translation=VECTOR,
-    rotation=QUATERNION,
-)
-SCAN = table(
-    "foxglove.LaserScan",
-    timestamp=TIME,
-    frame_id=TEXT,
-    pose=POSE,
-    start_angle=NUMBER,
-    end_angle=NUMBER,
-    ranges=NUMBERS,
-    intensities=NUMBERS,
-)
-LOG = table(
-    "foxglove.Log",
-    timestamp=TIME,
-    level=INTEGER,
-    message=TEXT,
-    name=TEXT,
-    file=TEXT,
-    line=INTEGER,
-)
-COMMAND = table("kmpc.Command", timestamp=TIME, **numbers("v omega vy"))
-STEP = table(
-    "kmpc.Step",
-    timestamp=TIME,
-    pose=NUMBERS,
-    status=TEXT,
-    progress=TEXT,
-    reason=TEXT,
-    reachable=TRUTH,
-    command=NUMBERS,
-    clearance=either(NUMBER),
-    iterations=INTEGER,
-    step_time=NUMBER,
-    phases={"type": "object", "additionalProperties": NUMBER},
-    pose_age=either(NUMBER),
-    sight=either(NUMBER),
-    stage_time=NUMBER,
-    margins=NUMBERS,
-)
-OBSTACLES = table("kmpc.Obstacles", timestamp=TIME, circles=many(NUMBERS))
-GATE = table("kmpc.Gate", timestamp=TIME, state=TEXT, reasons=many(TEXT))
-HEALTH = table("kmpc.Health", timestamp=TIME)
+TIME = {"timestamp": fg.stamp(0)}
+PAINT = fg.colour("#000000")
+LINE = {**fg.line([fg.ORIGIN], 0.0, PAINT), "colors": [PAINT], "indices": [0]}
+SHAPES: dict[str, Any] = {
+    "cylinders": [fg.disc(0.0, 0.0, 0.0, 0.0, PAINT)],
+    "lines": [LINE],
+    "cubes": [fg.box(fg.ORIGIN, (0.0, 0.0), 0.0, PAINT)],
+    "arrows": [fg.arrow(0.0, 0.0, 0.0, 0.0, PAINT)],
+}
+SCAN = {**TIME, "frame_id": "", "pose": fg.pose(*fg.ORIGIN), "start_angle": 0.0, "end_angle": 0.0}
+STEP = {
+    **TIME,
+    "pose": [0.0],
+    "status": "",
+    "progress": "",
+    "reason": "",
+    "reachable": True,
+    "command": [0.0],
+    "clearance": None,
+    "iterations": 0,
+    "step_time": 0.0,
+    "phases": {},
+    "pose_age": None,
+    "sight": None,
+    "stage_time": 0.0,
+    "margins": [0.0],
+}
+EXAMPLES = {
+    "foxglove.PoseInFrame": fg.pose_in_frame(0, fg.ORIGIN),
+    "foxglove.PosesInFrame": fg.poses_in_frame(0, [fg.ORIGIN]),
+    "foxglove.FrameTransform": fg.transform(0, fg.ORIGIN),
+    "foxglove.SceneUpdate": fg.scene([fg.entity(0, "", frame="", **SHAPES)]),
+    "foxglove.LaserScan": {**SCAN, "ranges": [0.0], "intensities": [0.0]},
+    "foxglove.Log": fg.log(0, ""),
+    "kmpc.Command": {**TIME, "v": 0.0, "omega": 0.0, "vy": 0.0},
+    "kmpc.Step": STEP,
+    "kmpc.Obstacles": {**TIME, "circles": [[0.0]]},
+    "kmpc.Gate": {**TIME, "state": "", "reasons": [""]},
+    "kmpc.Health": TIME,
+}
+NAMES = {
+    "/pose": "foxglove.PoseInFrame",
+    "/truth": "foxglove.PoseInFrame",
+    "/tf": "foxglove.FrameTransform",
+    "/command": "kmpc.Command",
+    "/step": "kmpc.Step",
+    "/plan": "foxglove.PosesInFrame",
+    "/path": "foxglove.PosesInFrame",
+    "/map": "foxglove.SceneUpdate",
+    "/scene": "foxglove.SceneUpdate",
+    "/obstacles": "kmpc.Obstacles",
+    "/scan": "foxglove.LaserScan",
+    "/gate": "kmpc.Gate",
+    "/health": "kmpc.Health",
+    "/log": "foxglove.Log",
+}
 TOPICS = tuple(
-    Topic(name, description["title"], description)
-    for name, description in (
-        ("/pose", POSE_IN_FRAME),
-        ("/truth", POSE_IN_FRAME),
-        ("/tf", TRANSFORM),
-        ("/command", COMMAND),
-        ("/step", STEP),
-        ("/plan", POSES_IN_FRAME),
-        ("/path", POSES_IN_FRAME),
-        ("/map", SCENE),
-        ("/scene", SCENE),
-        ("/obstacles", OBSTACLES),
-        ("/scan", SCAN),
-        ("/gate", GATE),
-        ("/health", HEALTH),
-        ("/log", LOG),
-    )
+    Topic(topic, kind, {"title": kind, **schema_of(EXAMPLES[kind])})
+    for topic, kind in NAMES.items()
 )
 """All that a recorded drive may hold."""

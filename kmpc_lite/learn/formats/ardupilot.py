@@ -249,10 +249,10 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
 
 
 def frames(path: Path) -> Iterator[tuple[float, int, bytes]]:
-    """Yield time [s], message number and bytes of each frame; what is none is passed over."""
+    """Yield time [s], message number and bytes of each frame, until `BLOCK` bytes hold none."""
     with open_regular(path) as file:
-        data, at = b"", 0
-        while True:
+        data, at, passed = b"", 0, 0
+        while passed <= BLOCK:
             if len(data) - at < STAMP.size + 280 + SIGNATURE:
                 data, at = data[at:] + file.read(BLOCK), 0
             if len(data) - at < STAMP.size + 8:
@@ -261,7 +261,7 @@ def frames(path: Path) -> Iterator[tuple[float, int, bytes]]:
             magic, (stamp,) = data[start], STAMP.unpack_from(data, at)
             size = OVERHEAD.get(magic, 0)
             if not size or stamp > LATEST:
-                at += 1
+                at, passed = at + 1, passed + 1
                 continue
             size += data[start + 1]
             if magic == V2 and data[start + 2] & SIGNED:
@@ -273,7 +273,7 @@ def frames(path: Path) -> Iterator[tuple[float, int, bytes]]:
             if end > len(data):
                 return
             yield stamp * 1e-6, number, data[start:end]
-            at = end
+            at, passed = end, 0
 
 
 class _VehicleClock:

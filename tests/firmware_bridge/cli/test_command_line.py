@@ -47,7 +47,7 @@ WRONG = [
     (f"record {ROVER} --by-hand --arm --output a", "--by-hand: the pilot arms"),
     (f"record {ROVER} --by-hand --output course.toml/a", "cannot write: Not a directory"),
     ("replay none.tlog", "none.tlog: cannot read"),
-    ("replay course.toml", "expected a tlog"),
+    ("replay course.toml", "no MAVLink frame in it"),
     ("emulate none.toml", "none.toml: cannot read"),
     ("emulate mavlink --link serial:/dev/null", "an emulator serves pty:"),
     ("emulate mavlink --link pty:x --scenario nowhere", "no scenario named"),

@@ -7,12 +7,9 @@ import pytest
 from loopback import LoopbackWire
 
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.recording.link_log import (
-    Chunk,
-    RecordedTransport,
-    read_link_log,
-    tlog,
-)
+from firmware_bridge.recording.link_log import Chunk, RecordedTransport, tlog
+from firmware_bridge.recording.replay import replay
+from kmpc_lite.learn.formats.ardupilot import frames
 
 
 def frame(k: int) -> bytes:
@@ -60,7 +57,7 @@ def test_a_tlog_holds_both_ways_and_only_whole_frames(tmp_path):
     assert {m.get_type() for m in messages} == {"ATTITUDE"}
     assert sorted(m.time_boot_ms for m in messages) == [*range(50), *range(1000, 1050)]
     assert all(before - 1.0 < m._timestamp < time.time() + 1.0 for m in messages)
-    assert len(list(read_link_log(path))) == 100 and b"".join(heard).count(b"boot text") == 50
+    assert len(list(frames(path))) == 100 and b"".join(heard).count(b"boot text") == 50
 
 
 def test_what_the_link_did_not_take_is_not_in_the_log(tmp_path):
@@ -79,11 +76,11 @@ def test_a_log_cut_anywhere_gives_its_whole_records(tmp_path):
         log.put(Chunk(100.0 + k, True, frame(k)))
     log.close()
     whole = path.read_bytes()
-    complete = [c.data for c in read_link_log(path)]
+    complete = [data for _, _, data in frames(path)]
     assert len(complete) == 5
     for cut in range(40, len(whole)):
         path.write_bytes(whole[:cut])
-        found = [c.data for c in read_link_log(path)]
+        found = [data for _, _, data in frames(path)]
         assert found == complete[: len(found)]
         assert len(found) >= cut // (len(whole) // 5 + 1)
 
@@ -91,11 +88,16 @@ def test_a_log_cut_anywhere_gives_its_whole_records(tmp_path):
 def test_files_that_are_no_log_are_refused(tmp_path):
     path = tmp_path / "a.log"
     with pytest.raises(ConfigError, match="cannot read"):
-        list(read_link_log(path))
-    for content in (b"", b"t,x,y\n1,2,3\n"):
+        replay(path, None, 0.1, 1)
+    for content in (b"", b"t,x,y\n1,2,3\n", b"garbage" * 99):
         path.write_bytes(content)
-        with pytest.raises(ConfigError, match="expected a tlog"):
-            list(read_link_log(path))
-    path.write_bytes(struct.pack(">Q", 1) + frame(1) + struct.pack(">Q", 2) + b"garbage" * 5)
-    with pytest.raises(ConfigError, match="damaged"):
-        list(read_link_log(path))
+        with pytest.raises(ConfigError, match="no MAVLink frame in it"):
+            replay(path, None, 0.1, 1)
+
+
+def test_what_is_no_frame_in_a_log_is_passed_over(tmp_path):
+    path = tmp_path / "a.log"
+    stamped = [struct.pack(">Q", 10**6 * k) + frame(k) for k in (1, 3)]
+    path.write_bytes((struct.pack(">Q", 2) + b"garbage" * 5).join(stamped))
+    found = replay(path, None, 0.1, 1)
+    assert (found["records"], found["messages"], found["seconds"]) == (2, {"ATTITUDE": 2}, 2.0)
