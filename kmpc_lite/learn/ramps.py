@@ -98,8 +98,10 @@ def _pairs(faster: list[float], slower: list[float], alike: bool) -> list[tuple[
 def _limited(motor: Motor, pairs: list[tuple[float, float]]) -> Array:
     """Errors (C, R, B) of pairs of ramps, with the responses that are tried beside each."""
     (faster, slower), parts = np.array(pairs).T, np.split(motor.told[0], motor.parts)
-    passed = np.concatenate([follow(told, faster, slower, motor.dt) for told in parts])
-    return np.array([motor.fit(BESIDE, [told])[0] for told in passed.T])
+    passed = [follow(told, faster, slower, motor.dt) for told in parts]
+    # one pair at a time: as one array all of them are there twice for a moment
+    each = (np.concatenate([told[:, k] for told in passed]) for k in range(len(pairs)))
+    return np.array([motor.fit(BESIDE, [told])[0] for told in each])
 
 
 def _slowest(motor: Motor) -> float:

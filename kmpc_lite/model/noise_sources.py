@@ -62,16 +62,6 @@ class NoiseSources:
         sources.check()
         return sources
 
-    def open_loop(self, inputs: Array, dt: float) -> Array:
-        """Variances along, across and of the heading after each period, (..., T, 3).
-
-        Both ends are measured, whose noise counts. Commands (..., T, 2), period [s].
-        """
-        variances = self.as_array()
-        out: Array = design(inputs, dt) @ variances
-        out[..., 1] += design_across(inputs, dt) @ variances[:, 2]
-        return out
-
 
 def design(inputs: Array, dt: float) -> Array:
     """What multiplies each source after each period, (..., T, 6): commands (..., T, 2)."""

@@ -103,10 +103,7 @@ def test_vesc_corrupt_length_loses_no_later_frame():
     assert found == good[1:]
 
 
-@pytest.mark.parametrize(
-    "line",
-    [b"1.0 2.0*3", b"1.0 2.0*x", b"", b"1\x002", b"1*" + b"9" * 200],
-)
+@pytest.mark.parametrize("line", [b"1.0 2.0*3", b"1.0 2.0*x", b"", b"1\x002", b"1*" + b"9" * 200])
 def test_odrive_damaged_lines(line):
     assert odrive_text(line, checksum=True) is None
 

@@ -22,13 +22,7 @@ def drive(controller, limits, seconds, lag, delay, gain, period=0.1, dt=0.02):
     """A robot with first-order lag in both speeds, poses `delay` late, limits on acceleration,
     and too much speed.
     """
-    state, past, out, command, wanted = (
-        State(1.0, 0.0, 0.3, 0.0, 0.0, 0.0),
-        [],
-        [],
-        STILL,
-        STILL,
-    )
+    state, past, out, command, wanted = (State(1.0, 0.0, 0.3, 0.0, 0.0, 0.0), [], [], STILL, STILL)
     keep, late, every = math.exp(-dt / lag), round(delay / dt), round(period / dt)
     for k in range(round(seconds / dt)):
         past.append(state)

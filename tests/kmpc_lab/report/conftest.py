@@ -17,12 +17,7 @@ class Straight:
     def step(self, x, goal, obstacles=()):
         inputs = np.tile((0.5, 0.0), (20, 1))
         return kl.Plan(
-            inputs[0],
-            MODEL.rollout(x, inputs),
-            inputs,
-            kl.PlanStatus.FEASIBLE,
-            1,
-            {"total": 2e-3},
+            inputs[0], MODEL.rollout(x, inputs), inputs, kl.PlanStatus.FEASIBLE, 1, {"total": 2e-3}
         )
 
 

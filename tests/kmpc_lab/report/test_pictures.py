@@ -8,11 +8,7 @@ from matplotlib.image import imread
 from report_page import FIT, LIMITS, some
 
 import kmpc_lite as kl
-from kmpc_lab.report import (
-    commands_picture,
-    map_picture,
-    write_pictures,
-)
+from kmpc_lab.report import commands_picture, map_picture, write_pictures
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.studies.any_robot import (
-    STANDARD,
-    RobotPlant,
-    random_footprint,
-    random_robot,
-)
+from kmpc_lab.studies.any_robot import STANDARD, RobotPlant, random_footprint, random_robot
 from kmpc_lab.studies.robot_drives import course_of, drive, judge
 
 

@@ -8,11 +8,11 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.learn.noise import prediction_errors
+from kmpc_lite.model.noise_sources import design, design_across
 
 LOGS = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"
-pytestmark = pytest.mark.skipif(
-    not LOGS.is_dir(), reason="needs the Norlab DRIVE logs in ../shared/data/norlab_drive"
-)
+NEEDED = "needs the Norlab DRIVE logs in ../shared/data/norlab_drive"
+pytestmark = pytest.mark.skipif(not LOGS.is_dir(), reason=NEEDED)
 
 TRIG = kl.HermiteTrigDictionary(0)
 HISTORY = kl.InputHistoryDictionary(TRIG, lags=(1, 2, 3, 4), product=True)  # 50 to 200 ms
@@ -119,7 +119,9 @@ def test_the_default_fit_stands_still_and_its_noise_is_that_of_the_other_half(ro
     np.testing.assert_array_equal(model.predict(poses, *zeros), poses)
     errors, inputs = prediction_errors(model, halves(robot, 0.1)[1])
     assert model.noise_model is not None and model.noise_model.sources is not None
-    expected = model.noise_model.sources.open_loop(inputs, 0.1)[:, 4, :2]
+    variances = model.noise_model.sources.as_array()
+    expected = (design(inputs, 0.1) @ variances)[:, 4, :2]
+    expected[:, 1] += (design_across(inputs, 0.1) @ variances[:, 2])[:, 4]
     squares = errors[:, 4, :2] ** 2  # half a second ahead
     assert expected.mean() == pytest.approx(squares.mean(), rel=0.4)
     within = (squares / np.maximum(expected, 1e-18)).sum(axis=1) < 5.991  # 95 % of a normal one

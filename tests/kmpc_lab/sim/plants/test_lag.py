@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from kmpc_lab.sim.plants.lag import Floor, LaggingDrive
-from kmpc_lite import (
-    nominal_unicycle,
-)
+from kmpc_lite import nominal_unicycle
 from kmpc_lite.control.estimate.history import advance_pose
 from kmpc_lite.errors import ProblemError
 

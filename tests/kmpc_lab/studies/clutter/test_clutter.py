@@ -8,12 +8,7 @@ import pytest
 from kmpc_lab.sim.maps.families import has_passage
 from kmpc_lab.studies.clutter import drives
 from kmpc_lab.studies.clutter.drives import CONDITIONS, SIZE
-from kmpc_lab.studies.clutter.worlds import (
-    draw_field,
-    draw_moving,
-    of_places,
-    read_barn,
-)
+from kmpc_lab.studies.clutter.worlds import draw_field, draw_moving, of_places, read_barn
 from kmpc_lite.errors import DataError
 from kmpc_lite.model.nominal import nominal_unicycle
 
