@@ -8,8 +8,7 @@ from typing import ClassVar
 
 from firmware_bridge.drivers.motor_board import MotorBoard
 from firmware_bridge.kinematics import Geometry
-from firmware_bridge.link import Transport
-from firmware_bridge.link.protocol import OnBytes
+from firmware_bridge.link import OnBytes, Transport
 
 
 class TickingDriver(MotorBoard):

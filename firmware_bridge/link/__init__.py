@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from firmware_bridge.link.protocol import OnBytes, Transport
 from firmware_bridge.link.ration import Ration
 from firmware_bridge.link.sockets import TcpEndpoint, UdpEndpoint
-from firmware_bridge.link.threaded import ThreadedTransport
+from firmware_bridge.link.threaded import OnBytes, ThreadedTransport, Transport
 from firmware_bridge.link.url import LinkUrl
 
 __all__ = ["OnBytes", "Transport", "open_transport"]
@@ -40,8 +39,7 @@ def open_transport(url: str, ration: Ration | None = None) -> Transport:
         return ThreadedTransport(SerialEndpoint(link.path(), baud, link.kind == "serial", dtr))
     if link.kind == "tcp":
         link.allow()
-        return ThreadedTransport(TcpEndpoint(*link.address()), ration=ration)
+        return ThreadedTransport(TcpEndpoint(*link.address()), ration)
     link.allow("listen")
-    return ThreadedTransport(
-        UdpEndpoint(*link.address(), listen=bool(link.number("listen", 0, 0, 1))), ration=ration
-    )
+    listen = bool(link.number("listen", 0, 0, 1))
+    return ThreadedTransport(UdpEndpoint(*link.address(), listen), ration)

@@ -7,6 +7,8 @@ import fcntl
 import grp
 import os
 import termios
+from collections.abc import Callable
+from typing import Any
 
 from serial import Serial, SerialException
 from serial.tools import list_ports
@@ -27,10 +29,8 @@ def explain(path: str, error: OSError) -> str:
     number = error.errno
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
         seen = sorted(port.device for port in list_ports.comports(include_links=True))
-        return (
-            f"{path}: no such port: is the cable in and the board powered? ports here: "
-            f"{', '.join(seen) or 'none'}"
-        )
+        here = ", ".join(seen) or "none"
+        return f"{path}: no such port: is the cable in and the board powered? ports here: {here}"
     if number in (errno.EACCES, errno.EPERM):
         try:
             group = grp.getgrgid(os.stat(path).st_gid).gr_name
@@ -38,10 +38,8 @@ def explain(path: str, error: OSError) -> str:
             group = "dialout"
         return f"{path}: no permission: run 'sudo usermod -aG {group} $USER' and log in again"
     if number in (errno.EBUSY, errno.EWOULDBLOCK):
-        return (
-            f"{path}: in use by another program: stop the other bridge, "
-            "ground station or ModemManager"
-        )
+        others = "the other bridge, ground station or ModemManager"
+        return f"{path}: in use by another program: stop {others}"
     if number in (errno.ENOTTY, errno.EISDIR, errno.EINVAL, None):
         return f"{path}: not a serial port"
     return f"{path}: {os.strerror(number)}"
@@ -92,24 +90,25 @@ class SerialPort:
 
     def read(self) -> bytes:
         """Take what has arrived."""
-        try:
-            data = os.read(self.fileno(), READ_BYTES)
-        except BlockingIOError:
-            return b""
-        except OSError as error:
-            raise LinkError(f"{self._path}: lost: unplugged? ({error.strerror})") from error
-        if not data:
-            raise LinkError(f"{self._path}: lost: unplugged?")
+        data: bytes = self._tried(os.read, READ_BYTES, b"")
         return data
 
     def write(self, data: memoryview) -> int:
         """Bytes that the port took."""
+        taken: int = self._tried(os.write, data, 0)
+        return taken
+
+    def _tried(self, call: Callable[..., Any], argument: Any, nothing: Any) -> Any:
+        """What a call gives, or nothing where it would wait; LinkError for a port that is gone."""
         try:
-            return os.write(self.fileno(), data)
+            if (found := call(self.fileno(), argument)) != b"":
+                return found
+            why = ""
         except BlockingIOError:
-            return 0
+            return nothing
         except OSError as error:
-            raise LinkError(f"{self._path}: lost: unplugged? ({error.strerror})") from error
+            why = f" ({error.strerror})"
+        raise LinkError(f"{self._path}: lost: unplugged?{why}")
 
     def close(self) -> None:
         """Close the descriptor, which gives the lock back too."""
@@ -124,16 +123,11 @@ class SerialPort:
 class SerialEndpoint(Endpoint):
     """A port by its path, so that /dev/serial/by-id/... finds a board again after a replug.
 
-    Parameters
-    ----------
-    path, baud, exclusive, dtr
-        As `SerialPort` takes them.
+    What it is made with is what `SerialPort` takes.
     """
 
-    def __init__(
-        self, path: str, baud: int, exclusive: bool = False, dtr: bool | None = None
-    ) -> None:
-        self._path, self._how = path, (baud, exclusive, dtr)
+    def __init__(self, path: str, *how: Any) -> None:
+        self._path, self._how = path, how
 
     def open(self) -> Port:
         """Open, lock, set and flush the port."""

@@ -106,9 +106,8 @@ class TcpListener(Endpoint):
                 family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
                 self._socket = socket.create_server(self._address, family=family, backlog=4)
             except OSError as error:
-                raise LinkError(
-                    f"tcp:{host}:{port}: cannot listen: {error.strerror or error}"
-                ) from error
+                why = error.strerror or str(error)
+                raise LinkError(f"tcp:{host}:{port}: cannot listen: {why}") from error
             self._socket.setblocking(False)
             return None
         try:
@@ -158,13 +157,11 @@ def serve(url: str) -> Transport:
         For a URL that cannot be served: a serial port is served by the board itself.
     """
     link = LinkUrl.parse(url)
+    if link.kind == "serial":
+        raise ConfigError(f"link {url!r}: an emulator serves pty:, tcp: or udp:")
+    link.allow(*{"pty": ("baud",), "tcp": (), "udp": ("listen",)}[link.kind])
     if link.kind == "pty":
-        link.allow("baud")
         return ThreadedTransport(PtyEndpoint(link.path()))
     if link.kind == "tcp":
-        link.allow()
         return ThreadedTransport(TcpListener(*link.address()))
-    if link.kind == "udp":
-        link.allow("listen")
-        return ThreadedTransport(UdpEndpoint(*link.address(), listen=True))
-    raise ConfigError(f"link {url!r}: an emulator serves pty:, tcp: or udp:")
+    return ThreadedTransport(UdpEndpoint(*link.address(), listen=True))

@@ -63,19 +63,15 @@ class TcpEndpoint(Endpoint):
 
     def open(self) -> Port:
         """Connect."""
-        host, port = self._address
         try:
             return TcpPort(socket.create_connection(self._address, timeout=CONNECT_TIMEOUT))
         except TimeoutError:
-            raise LinkError(
-                f"tcp:{host}:{port}: no answer within {CONNECT_TIMEOUT:g} s: is the address right?"
-            ) from None
+            why = f"no answer within {CONNECT_TIMEOUT:g} s: is the address right?"
         except ConnectionRefusedError:
-            raise LinkError(
-                f"tcp:{host}:{port}: nothing listens there: is the vehicle or emulator running?"
-            ) from None
+            why = "nothing listens there: is the vehicle or emulator running?"
         except OSError as error:
-            raise LinkError(f"tcp:{host}:{port}: {error.strerror or error}") from error
+            why = error.strerror or str(error)
+        raise LinkError(f"tcp:{self._address[0]}:{self._address[1]}: {why}")
 
 
 class UdpPort:
@@ -104,9 +100,7 @@ class UdpPort:
         try:
             data, sender = self._socket.recvfrom(DATAGRAM_BYTES)
         except (BlockingIOError, ConnectionRefusedError):
-            # refused: a datagram sent before found nobody; it is lost, and silence is a matter of
-            # the upper layers
-            return b""
+            return b""  # refused: a datagram sent before found nobody, and is lost
         if self._connected:
             return data
         now = time.monotonic()
@@ -137,7 +131,7 @@ class UdpEndpoint(Endpoint):
     """Sends to an address, or listens there and answers whoever spoke first."""
 
     def __init__(self, host: str, port: int, listen: bool = False) -> None:
-        self._host, self._port, self._listen = host, port, listen
+        self._address, self._listen = (host, port), listen
         self._opened: UdpPort | None = None
 
     @property
@@ -147,23 +141,17 @@ class UdpEndpoint(Endpoint):
 
     def open(self) -> Port:
         """Make the socket."""
-        url = f"udp:{self._host}:{self._port}"
+        host, port = self._address
+        sock: socket.socket | None = None
         try:
-            family, kind, protocol, _, address = socket.getaddrinfo(
-                self._host, self._port, type=socket.SOCK_DGRAM
-            )[0]
-            sock = socket.socket(family, kind, protocol)
-            try:
-                if self._listen:
-                    sock.bind(address)
-                else:
-                    sock.connect(address)
-            except OSError:
-                sock.close()
-                raise
+            family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            sock = socket.socket(family, kind)
+            (sock.bind if self._listen else sock.connect)(address)
         except OSError as error:
+            if sock is not None:
+                sock.close()
             hint = ": another program has the port" if self._listen else ""
-            raise LinkError(f"{url}: {error.strerror or error}{hint}") from error
+            raise LinkError(f"udp:{host}:{port}: {error.strerror or error}{hint}") from error
         known = None if self._opened is None else self._opened.host
         self._opened = UdpPort(sock, not self._listen, known)
         return self._opened

@@ -1,4 +1,4 @@
-"""The I/O thread: it alone touches the port, keeps the newest frames, and reopens a lost port."""
+"""What every link offers, and the I/O thread of one: it alone touches the port, and reopens it."""
 
 from __future__ import annotations
 
@@ -7,30 +7,64 @@ import select
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Protocol
 
-from firmware_bridge.link.protocol import OnBytes
 from firmware_bridge.link.ration import Ration
 from firmware_bridge.messages import LinkError
 
 QUEUE_FRAMES = 32
 BACKOFF_FIRST, BACKOFF_LAST = 0.05, 0.5
 READABLE = select.POLLIN | select.POLLERR | select.POLLHUP | select.POLLNVAL
+COUNTERS = "bytes_in", "bytes_out", "reconnects", "dropped_frames", "refused_writes", "errors"
+OnBytes = Callable[[bytes, float], None]
+"""Called in the I/O thread with what arrived and `time.monotonic()`."""
+
+
+class Transport(Protocol):
+    """One open link. One I/O thread owns the port; writing never blocks."""
+
+    def start(self, on_bytes: OnBytes) -> None:
+        """Open and start the I/O thread; raises LinkError if the first opening fails."""
+        ...
+
+    def write(self, data: bytes) -> bool:
+        """Queue one whole frame; a full queue drops its oldest. False if the link is down."""
+        ...
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is open now."""
+        ...
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """`COUNTERS` since the start."""
+        ...
+
+    @property
+    def last_error(self) -> str:
+        """Why the link last went down, in words; empty if it never did."""
+        ...
+
+    def close(self) -> None:
+        """Stop the thread and close the port; idempotent."""
+        ...
 
 
 class Port(Protocol):
-    """An open, non-blocking port."""
+    """An open, non-blocking port; OSError: the other end is gone."""
 
     def fileno(self) -> int:
         """Descriptor to poll."""
         ...
 
     def read(self) -> bytes:
-        """Take a little of what has arrived, empty if nothing; OSError: the other end is gone."""
+        """Take a little of what has arrived, empty if nothing."""
         ...
 
     def write(self, data: memoryview) -> int:
-        """Bytes that the port took now, possibly 0; raises OSError when the other end is gone."""
+        """Bytes that the port took now, possibly 0."""
         ...
 
     def close(self) -> None:
@@ -60,53 +94,32 @@ class ThreadedTransport:
     """A `Transport` over the ports of an endpoint.
 
     It reads in small slices, between which commands leave, and no more than its `Ration`: what a
-    flood sends beyond that waits in the port, or is lost there.
+    flood sends beyond that waits in the port, or is lost there. Frames that wait when the link is
+    lost are dropped, so that no old command is sent after it returns.
 
     Parameters
     ----------
     endpoint : Endpoint
         Opens the port, at first and after each loss (back-off 0.05 s doubling to 0.5 s).
-    queue : int
-        Frames that wait at most; one more drops the oldest. Frames still waiting when the link is
-        lost are dropped too, so that no old command is sent after it returns.
     ration : Ration, optional
         What may be read; the usual one if not given.
     """
 
-    def __init__(
-        self, endpoint: Endpoint, queue: int = QUEUE_FRAMES, ration: Ration | None = None
-    ) -> None:
+    def __init__(self, endpoint: Endpoint, ration: Ration | None = None) -> None:
         self.endpoint = endpoint
-        self._lock = threading.Lock()
-        self._queue: deque[bytes] = deque()
-        self._queue_frames = queue
+        self.counters, self.last_error = dict.fromkeys(COUNTERS, 0), ""
+        self._lock, self._queue, self._sending = threading.Lock(), deque[bytes](), memoryview(b"")
         self._port: Port | None = None
-        self._sending = memoryview(b"")
-        self._closing = False
         self._thread: threading.Thread | None = None
         self._on_bytes: OnBytes = lambda data, stamp: None
         self._wake_read = self._wake_write = -1
-        self._backoff, self._was_open = BACKOFF_FIRST, False
-        self._ration = Ration() if ration is None else ration
-        self._last_error = ""
-        self._counters = dict.fromkeys(
-            ("bytes_in", "bytes_out", "reconnects", "dropped_frames", "refused_writes", "errors"), 0
-        )
+        self._backoff, self._was_open, self._closing = BACKOFF_FIRST, False, False
+        self._ration = ration or Ration()
 
     @property
     def connected(self) -> bool:
         """Whether the port is open now."""
         return self._port is not None
-
-    @property
-    def counters(self) -> dict[str, int]:
-        """Sums since the start."""
-        return dict(self._counters)
-
-    @property
-    def last_error(self) -> str:
-        """Why the link last went down."""
-        return self._last_error
 
     def start(self, on_bytes: OnBytes) -> None:
         """Open the port here, so that the caller gets the error, and start the thread."""
@@ -120,14 +133,14 @@ class ThreadedTransport:
         self._thread.start()
 
     def write(self, data: bytes) -> bool:
-        """Queue one whole frame and wake the thread."""
+        """Queue one whole frame and wake the thread; the newest 32 wait."""
         with self._lock:
             if self._port is None or self._closing:
-                self._counters["refused_writes"] += 1
+                self.counters["refused_writes"] += 1
                 return False
-            if len(self._queue) >= self._queue_frames:
+            if len(self._queue) >= QUEUE_FRAMES:
                 self._queue.popleft()
-                self._counters["dropped_frames"] += 1
+                self.counters["dropped_frames"] += 1
             self._queue.append(bytes(data))
             self._wake()
         return True
@@ -154,24 +167,20 @@ class ThreadedTransport:
     def _run(self) -> None:
         try:
             while not self._closing:
-                was_open = self._port is not None
+                was_open = self.connected
                 try:
                     self._turn()
                     continue
                 except OSError as error:
                     self._down(str(error))
-                except (
-                    Exception
-                ) as error:  # a bug in a callback must not end the thread: it counts as a lost link
+                except Exception as error:  # a bug in a callback counts as a lost link
                     self._down(f"{type(error).__name__}: {error}")
-                if not was_open:
-                    self._poll(
-                        None, None, BACKOFF_LAST
-                    )  # a door that cannot be opened stays ready: do not spin on it
+                if not was_open:  # a door that cannot be opened stays ready: do not spin on it
+                    self._poll(None, None, BACKOFF_LAST)
             if self._port is not None:
-                self._send()  # the last words, as far as the port takes them at once
+                self._send(self._port)  # the last words, as far as the port takes them at once
         except OSError as error:
-            self._last_error = str(error)
+            self.last_error = str(error)
         finally:
             with self._lock:
                 self._closing = True
@@ -184,22 +193,20 @@ class ThreadedTransport:
 
     def _turn(self) -> None:
         """Wait for one event and deal with it."""
-        if self._port is None:
+        if (port := self._port) is None:
             self._reopen()
             return
-        rest = self._ration.rest()
-        door = self.endpoint.fileno()
-        ready = self._poll(self._port.fileno(), door, rest or None, reading=not rest)
+        rest, door = self._ration.rest(), self.endpoint.fileno()
+        ready = self._poll(port.fileno(), door, rest or None, reading=not rest)
         if door in ready:
             self.endpoint.turn_away()
-        if ready.get(self._port.fileno(), 0) & READABLE:
+        if ready.get(port.fileno(), 0) & READABLE:
             self._ration.begin()
-            data = self._port.read()
-            if data:
-                self._counters["bytes_in"] += len(data)
+            if data := port.read():
+                self.counters["bytes_in"] += len(data)
                 self._on_bytes(data, time.monotonic())
             self._ration.end(len(data))
-        self._send()
+        self._send(port)
 
     def _poll(
         self, port: int | None, door: int | None, timeout: float | None, reading: bool = True
@@ -217,16 +224,15 @@ class ThreadedTransport:
             os.read(self._wake_read, 4096)
         return ready
 
-    def _send(self) -> None:
-        assert self._port is not None
+    def _send(self, port: Port) -> None:
         while True:
             if not self._sending:
                 with self._lock:
                     if not self._queue:
                         return
                     self._sending = memoryview(self._queue.popleft())
-            count = self._port.write(self._sending)
-            self._counters["bytes_out"] += count
+            count = port.write(self._sending)
+            self.counters["bytes_out"] += count
             self._sending = self._sending[count:]
             if self._sending:
                 return
@@ -240,19 +246,19 @@ class ThreadedTransport:
         try:
             port = self.endpoint.open()
         except LinkError as error:  # still gone: no new loss to count
-            self._last_error = str(error)
+            self.last_error = str(error)
             return
         if port is not None:
             with self._lock:
-                self._counters["reconnects"] += self._was_open
+                self.counters["reconnects"] += self._was_open
                 self._port, self._was_open, self._backoff = port, True, BACKOFF_FIRST
 
     def _down(self, why: str) -> None:
-        self._last_error = why
-        self._counters["errors"] += 1
+        self.last_error = why
+        self.counters["errors"] += 1
         with self._lock:
             port, self._port = self._port, None
-            self._counters["dropped_frames"] += len(self._queue) + bool(self._sending)
+            self.counters["dropped_frames"] += len(self._queue) + bool(self._sending)
             self._queue.clear()
             self._sending = memoryview(b"")
         if port is not None:

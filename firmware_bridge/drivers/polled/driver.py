@@ -8,7 +8,7 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from firmware_bridge.drivers.polled.thread import SILENCE, PollingThread
-from firmware_bridge.link.framing import Lines
+from firmware_bridge.link.framing.lines import Lines
 from firmware_bridge.messages import LinkError, LinkStatus, State
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from firmware_bridge.link.framing.crc import crc16
+from firmware_bridge.link.framing.packets import crc16, with_crc
 
 RUN = 254
 """Bytes without a zero that one code byte covers."""
@@ -17,14 +17,14 @@ def cobs_frame(body: bytes) -> bytes:
     '05 01 0a 92 7b 00'
     """
     frame = bytearray()
-    blocks = (body + crc16(body).to_bytes(2, "big")).split(b"\0")
-    for number, block in enumerate(blocks):
+    *blocks, last = with_crc(body).split(b"\0")
+    for block in (*blocks, last):
         while len(block) >= RUN:
             frame += b"\xff" + block[:RUN]
             block = block[RUN:]
-            if not block and number + 1 == len(blocks):
-                return bytes(frame + b"\0")
         frame += bytes((len(block) + 1,)) + block
+    if last and len(last) % RUN == 0:
+        del frame[-1]  # a full run that ends the frame has nothing behind it
     return bytes(frame + b"\0")
 
 
@@ -39,9 +39,7 @@ def cobs_body(frame: bytes) -> bytes | None:
         at += run
         if run <= RUN and at < len(frame):
             body += b"\0"
-    if len(body) < 2 or crc16(bytes(body)) != 0:
-        return None
-    return bytes(body[:-2])
+    return bytes(body[:-2]) if len(body) >= 2 and crc16(body) == 0 else None
 
 
 class CobsFrames:
@@ -54,28 +52,15 @@ class CobsFrames:
     """
 
     def __init__(self, longest: int) -> None:
-        self._longest = longest
-        self._buffer = bytearray()
-        self._dropping = False
+        self._longest, self._rest = longest, b""
         self.bad = 0
         """Frames that were damaged, or too long."""
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes; returns the bodies of the frames that end in them."""
-        found = []
-        *whole, rest = data.split(b"\0")
-        for part in whole:
-            frame = bytes(self._buffer) + part
-            self._buffer.clear()
-            good = not self._dropping and len(frame) <= self._longest
-            self._dropping = False
-            body = cobs_body(frame) if good else None
-            if body is not None:
-                found.append(body)
-            elif frame or not good:
-                self.bad += 1
-        self._buffer += rest
-        if len(self._buffer) > self._longest:
-            self._buffer.clear()
-            self._dropping = True
+        *frames, rest = (self._rest + data).split(b"\0")
+        self._rest = rest[: self._longest + 1]  # one that is too long stays too long
+        bodies = [cobs_body(f) if len(f) <= self._longest else None for f in frames if f]
+        found = [body for body in bodies if body is not None]
+        self.bad += len(bodies) - len(found)
         return found

@@ -42,11 +42,8 @@ def odrive_text(line: bytes, checksum: bool) -> str | None:
     elif checksum:
         return None
     text = body.strip()
-    return (
-        text.decode("ascii")
-        if text and text.isascii() and all(32 <= byte < 127 for byte in text)
-        else None
-    )
+    printable = text.isascii() and text.decode("latin-1").isprintable()
+    return text.decode("ascii") if text and printable else None
 
 
 class Lines:
@@ -57,8 +54,7 @@ class Lines:
     """
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
-        self._dropping = False
+        self._buffer, self._dropping = bytearray(), False
         self.bad = 0
         """Bytes dropped."""
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from firmware_bridge.link.framing.crc import crc16
+from firmware_bridge.link.framing.packets import Packets, crc16, with_crc
 
-ROBOCLAW_ACK = 0xFF
-ROBOCLAW_GAP = 0.010
-"""A longer gap within a packet makes the board discard it [s]."""
-ROBOCLAW_BYTES = 128
-"""An answer that lies deeper in noise than this is not looked for."""
+ACK = 0xFF
+DEEPEST = 128
+"""An answer that lies deeper in noise than this is not looked for [bytes]."""
 
 
 def roboclaw_packet(address: int, command: int, payload: bytes = b"") -> bytes:
@@ -21,8 +19,7 @@ def roboclaw_packet(address: int, command: int, payload: bytes = b"") -> bytes:
     >>> roboclaw_packet(0x80, 14, bytes([3])).hex(" ")
     '80 0e 03 28 36'
     """
-    body = bytes((address, command)) + payload
-    return body + crc16(body).to_bytes(2, "big")
+    return with_crc(bytes((address, command)) + payload)
 
 
 def roboclaw_request(address: int, command: int) -> bytes:
@@ -32,62 +29,52 @@ def roboclaw_request(address: int, command: int) -> bytes:
 
 def roboclaw_reply(address: int, command: int, payload: bytes) -> bytes:
     """Build the board's answer to a read: the CRC covers address and command too."""
-    return payload + crc16(bytes((address, command)) + payload).to_bytes(2, "big")
+    return with_crc(bytes((address, command)) + payload)[2:]
 
 
 class RoboClawReplies:
     """Finds the answer to the request under way: answers carry no header of their own."""
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
-        self._head = b""
+        self._buffer, self._head = bytearray(), b""
         self._sizes: tuple[int, ...] = ()
         self.bad = 0
         """Bytes skipped as part of no answer."""
 
     def expect(self, address: int, command: int, *sizes: int) -> None:
         """Wait for this command's answer, of one of these payload sizes; 0 is the bare 0xFF."""
-        self.bad += len(self._buffer)
-        self._buffer.clear()
+        self._skip(len(self._buffer))
         self._head, self._sizes = bytes((address, command)), sizes
 
     def feed(self, data: bytes) -> bytes | None:
         """Take bytes; returns the payload of the answer once, then nothing until `expect`."""
         self._buffer += data
-        self._skip(len(self._buffer) - ROBOCLAW_BYTES)
-        if self._sizes:
-            for start in range(len(self._buffer)):
-                payload = self._match(start)
-                if payload is not None:
-                    self.bad += start
-                    del self._buffer[: start + (len(payload) + 2 if payload else 1)]
-                    self._sizes = ()
-                    return payload
-        keep = max(self._sizes, default=-2) + 1
-        self._skip(len(self._buffer) - max(0, keep))
+        self._skip(len(self._buffer) - DEEPEST)
+        for start in range(len(self._buffer) if self._sizes else 0):
+            if (payload := self._match(start)) is not None:
+                self._skip(start)
+                del self._buffer[: len(payload) + 2 if payload else 1]
+                self._sizes = ()
+                return payload
+        self._skip(len(self._buffer) - max(0, max(self._sizes, default=-2) + 1))
         return None
 
     def _skip(self, count: int) -> None:
-        if count > 0:
-            self.bad += count
-            del self._buffer[:count]
+        self.bad += max(0, count)
+        del self._buffer[: max(0, count)]
 
     def _match(self, start: int) -> bytes | None:
         for size in self._sizes:
-            if size == 0:
-                if self._buffer[start] == ROBOCLAW_ACK:
-                    return b""
-            elif start + size + 2 <= len(self._buffer):
-                payload = bytes(self._buffer[start : start + size])
-                if crc16(self._head + payload) == int.from_bytes(
-                    self._buffer[start + size : start + size + 2], "big"
-                ):
-                    return payload
+            payload = bytes(self._buffer[start : start + size + 2])
+            if size == 0 and payload[0] == ACK:
+                return b""
+            if 0 < size == len(payload) - 2 and crc16(self._head + payload) == 0:
+                return payload[:-2]
         return None
 
 
-class RoboClawPackets:
-    """The board's side: packets out of bytes.
+class RoboClawPackets(Packets[tuple[int, bytes]]):
+    """The board's side: command and payload of each packet.
 
     Parameters
     ----------
@@ -97,43 +84,21 @@ class RoboClawPackets:
         Payload size of each writing command; every other command is a read without payload and CRC.
     """
 
-    def __init__(self, address: int, writes: Mapping[int, int]) -> None:
-        self._address, self._writes = address, writes
-        self._buffer = bytearray()
-        self._stamp = -float("inf")
-        self.bad = 0
-        """Bytes skipped, damaged packets included."""
+    gap = 0.010
 
-    def feed(self, data: bytes, stamp: float) -> list[tuple[int, bytes]]:
-        """Take bytes that came at `stamp` [s]; returns (command, payload) of each whole packet."""
-        if self._buffer and stamp - self._stamp > ROBOCLAW_GAP:
-            self.bad += len(self._buffer)
-            self._buffer.clear()
-        self._stamp = stamp
-        self._buffer += data
-        found: list[tuple[int, bytes]] = []
-        at, end = 0, len(self._buffer)
-        while at < end:
-            if self._buffer[at] != self._address:
-                at += 1
-                self.bad += 1
-                continue
-            if at + 1 >= end:
-                break
-            command = self._buffer[at + 1]
-            size = self._writes.get(command)
-            if size is None:
-                found.append((command, b""))
-                at += 2
-                continue
-            if at + size + 4 > end:
-                break
-            body = bytes(self._buffer[at : at + 2 + size])
-            if crc16(body) == int.from_bytes(self._buffer[at + 2 + size : at + 4 + size], "big"):
-                found.append((command, body[2:]))
-                at += size + 4
-            else:
-                at += 1
-                self.bad += 1
-        del self._buffer[:at]
-        return found
+    def __init__(self, address: int, writes: Mapping[int, int]) -> None:
+        super().__init__()
+        self._address, self._writes = address, writes
+
+    def _cut(self, buffer: bytearray, at: int) -> tuple[int, tuple[int, bytes] | None] | None:
+        if buffer[at] != self._address:
+            return 1, None
+        if at + 1 >= len(buffer):
+            return None
+        size = self._writes.get(command := buffer[at + 1])
+        if size is None:
+            return 2, (command, b"")
+        packet = bytes(buffer[at : at + size + 4])
+        if len(packet) < size + 4:
+            return None
+        return (size + 4, (command, packet[2:-2])) if crc16(packet) == 0 else (1, None)

@@ -13,6 +13,7 @@ import struct
 from dataclasses import dataclass
 
 from firmware_bridge.link import Transport
+from firmware_bridge.link.framing.packets import Packets
 from firmware_bridge.sensors.lidar.lidar import SerialLidar
 from firmware_bridge.sensors.lidar.turns import Turns
 
@@ -84,42 +85,28 @@ class Ld06Packet:
         return body + bytes((crc8(body),))
 
 
-class Ld06Packets:
+class Ld06Packets(Packets[Ld06Packet]):
     """Packets out of bytes: what has a wrong CRC, or stands between packets, is skipped."""
 
     def __init__(self) -> None:
-        self._buffer = bytearray()
-        self.bad = 0
-        """Bytes skipped."""
+        super().__init__()
         self.bad_crc = 0
         """Packets whose CRC is wrong."""
         self.packets = 0
 
-    def feed(self, data: bytes) -> list[Ld06Packet]:
-        """Take bytes; gives the packets that are now whole."""
-        buffer = self._buffer
-        buffer += data
-        found, at = [], 0
-        while True:
-            start = buffer.find(HEADER, at)
-            if start < 0:
-                start = max(at, len(buffer) - buffer.endswith(HEADER[:1]))
-            self.bad += start - at
-            at = start
-            if len(buffer) - at < SIZE:
-                break
-            frame = bytes(buffer[at : at + SIZE])
-            if crc8(frame[:-1]) != frame[-1]:
-                self.bad_crc += 1
-                self.bad += 1
-                at += 1
-                continue
-            _, speed, first, points, last, time, _ = PACKET.unpack(frame)
-            found.append(Ld06Packet(speed, first, tuple(POINT.iter_unpack(points)), last, time))
-            at += SIZE
-        del buffer[:at]
-        self.packets += len(found)
-        return found
+    def _cut(self, buffer: bytearray, at: int) -> tuple[int, Ld06Packet | None] | None:
+        if (start := buffer.find(HEADER, at)) != at:
+            end = start if start > 0 else len(buffer) - buffer.endswith(HEADER[:1])
+            return (end - at, None) if end > at else None
+        frame = bytes(buffer[at : at + SIZE])
+        if len(frame) < SIZE:
+            return None
+        if crc8(frame[:-1]) != frame[-1]:
+            self.bad_crc += 1
+            return 1, None
+        self.packets += 1
+        _, speed, first, points, last, time, _ = PACKET.unpack(frame)
+        return SIZE, Ld06Packet(speed, first, tuple(POINT.iter_unpack(points)), last, time)
 
 
 BAUD = 230400

@@ -20,7 +20,7 @@ from firmware_bridge.drivers.roboclaw import (
     RoboClawOptions,
 )
 from firmware_bridge.kinematics import Geometry
-from firmware_bridge.link.framing import ROBOCLAW_ACK, RoboClawPackets, roboclaw_reply
+from firmware_bridge.link.framing.roboclaw import ACK, RoboClawPackets, roboclaw_reply
 from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
@@ -102,7 +102,7 @@ class RoboClawEmulator(BoardEmulator):
     def _execute(self, command: int, payload: bytes) -> bytes:
         if command in WRITES:
             self._write(command, payload)
-            return bytes((ROBOCLAW_ACK,))
+            return bytes((ACK,))
         reply = self._read(command)
         return b"" if reply is None else roboclaw_reply(self._address, command, reply)
 
