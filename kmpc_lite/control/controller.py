@@ -16,7 +16,7 @@ from kmpc_lite.control.estimate.lateness import LatenessState
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.mobility import check_motion, following, movable
-from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
+from kmpc_lite.control.nmpc.qp_solvers import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.observation import Admission
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions

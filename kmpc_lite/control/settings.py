@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import oldest_pose
-from kmpc_lite.control.nmpc.choose_solver import MakeSolver
+from kmpc_lite.control.nmpc.qp_solvers import MakeSolver
 from kmpc_lite.control.options import (
     AdaptationOptions,
     ControllerOptions,

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPSolution, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import QPData, QPSolution, QPStatus
 
 EXACT: dict[str, Any] = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
 
@@ -37,7 +37,7 @@ class Box:
         )
 
     def solve(self, **changes: np.ndarray) -> QPSolution:
-        return self.workspace.solve(**{**self.data, **changes})
+        return self.workspace.solve(QPData(**{**self.data, **changes}))
 
     def assert_well(self) -> None:
         """The workspace still solves its plain problem, with nothing left of an earlier one."""

@@ -1,8 +1,8 @@
 """The only file that touches OSQP: guards what goes in, believes only its status.
 
 OSQP reads raw pointers, keeps old data without a word when a bound crosses, fills the solution of
-an infeasible problem with finite garbage and returns NaN for NaN. Here arrays are owned, of the
-exact type and length, checked before and after.
+an infeasible problem with finite garbage and returns NaN for NaN. What goes in and what comes out
+is checked.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import re
 import signal
 from contextlib import redirect_stdout
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import numpy as np
 import osqp
 import scipy.sparse as sp
 
-from kmpc_lite.control.nmpc.qp_solvers import INFINITY, LARGEST, QPSolution, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import INFINITY, QPData, QPSolution, QPSolver, QPStatus
 from kmpc_lite.control.options import OSQPOptions
 from kmpc_lite.types import Array
 
@@ -41,32 +42,26 @@ EARLY = frozenset(
 
 def osqp_settings(options: OSQPOptions) -> dict[str, Any]:
     """Options under OSQP's names."""
-    return {
-        "eps_abs": options.tolerance,
-        "eps_rel": options.tolerance,
-        "max_iter": options.max_iter,
-        "rho": options.rho,
-        "alpha": options.alpha,
-        "adaptive_rho": int(options.adaptive_rho),
-        "adaptive_rho_interval": options.adaptive_rho_interval,
-        "scaling": options.scaling,
-        "check_termination": options.check_termination,
-    }
+    settings = asdict(options)
+    tolerance = settings.pop("tolerance")
+    adapts = int(options.adaptive_rho)
+    return {**settings, "eps_abs": tolerance, "eps_rel": tolerance, "adaptive_rho": adapts}
 
 
-class OSQPWorkspace:
-    """One QP, ``min x'Px/2 + q'x, l <= Ax <= u``, set up once, solved with new numbers.
+class OSQPWorkspace(QPSolver):
+    """One QP, set up once, solved with new numbers; OSQP's iterates are of use at any time.
 
     Parameters
     ----------
-    P, A : scipy.sparse.csc_matrix
-        Upper triangle of P (n, n), and A (m, n); entries that may become nonzero are stored from
-        the start.
+    P, A
+        As `QPSolver` has them.
     q, lower, upper : ndarray
         (n,), (m,), (m,).
     settings
         OSQP's own.
     """
+
+    can_be_stopped = True
 
     def __init__(
         self,
@@ -77,35 +72,10 @@ class OSQPWorkspace:
         upper: Array,
         **settings: Any,
     ) -> None:
-        self.n, self.m, self.nnz = A.shape[1], A.shape[0], A.nnz
-        # what is checked together lies together
-        self._numbers, self._start = np.zeros(self.n + self.nnz), np.zeros(self.n + self.m)
-        self._q, self._Ax = self._numbers[: self.n], self._numbers[self.n :]
-        self._x, self._y = self._start[: self.n], self._start[self.n :]
-        self._lower, self._upper = np.zeros(self.m), np.zeros(self.m)
-        self._shapes = (
-            self._q.shape,
-            self._lower.shape,
-            self._upper.shape,
-            self._Ax.shape,
-            self._x.shape,
-            self._y.shape,
-        )
-        for name, given, length in (
-            ("q", q, self.n),
-            ("lower", lower, self.m),
-            ("upper", upper, self.m),
-        ):
-            if np.shape(given) != (length,):
-                raise ValueError(f"{name}: expected shape {(length,)}, got {np.shape(given)}")
-        self._setup = (
-            sp.csc_matrix(P, copy=True),
-            np.array(q, dtype=float),
-            sp.csc_matrix(A, copy=True),
-            np.array(lower, dtype=float),
-            np.array(upper, dtype=float),
-        )
-        self._settings = settings
+        super().__init__(P, A)
+        parts = P.copy(), np.array(q), A.copy(), np.array(lower), np.array(upper)
+        self._setup, self._settings = parts, settings
+        self._checked(QPData(q, lower, upper, A.data, np.zeros(self.n), np.zeros(self.m)))
         # OSQP rounds in scaling and unscaling QPs, and keeps the rho that it has adapted to one
         self._rounds = bool(settings.get("scaling", 1))
         self._fresh = False
@@ -115,24 +85,17 @@ class OSQPWorkspace:
         """Set OSQP up, as if nothing had been solved before."""
         if self._fresh:
             return
-        P, q, A, lower, upper = self._setup
-        self._q[:], self._lower[:], self._upper[:] = q, lower, upper
         self._osqp = osqp.OSQP()
-        self._osqp.setup(P, self._q, A, self._lower, self._upper, verbose=False, **self._settings)
+        self._osqp.setup(*self._setup, verbose=False, **self._settings)
         # The wrapper copies and renames; its compiled half takes the same arrays and returns error
         # codes.
         self._solver = self._osqp._solver
         self._time_limit, self._rho = self._osqp.settings.time_limit, self._osqp.settings.rho
-        self._own_P, self._fresh, self._adapted = True, True, False
+        self._fresh, self._adapted = True, False
 
     def __reduce__(self) -> tuple[Any, ...]:
         # OSQP's own memory does not copy; nothing in it outlives a step
         return _rebuilt, (type(self), self._setup, self._settings)
-
-    @property
-    def can_be_stopped(self) -> bool:
-        """Whether `time_limit` has an effect: OSQP's iterates are of use at any time."""
-        return True
 
     def write_code(self, folder: str | os.PathLike[str], float32: bool) -> None:
         """Write OSQP's own embedded code for this QP, whose numbers may change, into a folder.
@@ -174,106 +137,35 @@ class OSQPWorkspace:
             self._solver.update_rho(self._rho)
             self._adapted = False
 
-    def solve(
-        self,
-        q: Array,
-        lower: Array,
-        upper: Array,
-        Ax: Array,
-        x: Array,
-        y: Array,
-        *,
-        Px: Array | None = None,
-        time_limit: float | None = None,
-    ) -> QPSolution:
-        """Solve with new numbers from a warm start; see `QPSolver.solve`."""
-        shapes = (q.shape, lower.shape, upper.shape, Ax.shape, x.shape, y.shape)
-        if shapes != self._shapes:
-            raise ValueError(
-                f"QP data q, lower, upper, Ax, x, y: expected shapes {self._shapes}, got {shapes}"
-            )
-        self._q[:], self._Ax[:], self._x[:], self._y[:] = q, Ax, x, y
-        np.maximum(lower, -INFINITY, out=self._lower)
-        np.minimum(upper, INFINITY, out=self._upper)
-        if fault := self._fault():
-            return self._failed(fault)
-        if not math.isfinite(np.add.reduce(self._start)):
-            self._start[:] = 0.0
-        if Px is not None or not self._own_P:
-            Px = self._cost(Px)
-            if Px is None:
-                return self._failed(f"QP cost not finite, or beyond {LARGEST:g}")
-        self._fresh = False
-        self._limit_time(NO_TIME_LIMIT if time_limit is None else time_limit)
-        solver = self._solver
-        if solver.update_data_vec(
-            q=self._q, l=self._lower, u=self._upper
-        ) or solver.update_data_mat(P_x=Px, P_i=None, A_x=self._Ax, A_i=None):
+    def _solve(self, data: QPData, time_limit: float | None) -> QPSolution:
+        q, lower, upper, Ax, x, y, Px = data
+        if not math.isfinite(np.add.reduce(x) + np.add.reduce(y)):
+            x, y = np.zeros(self.n), np.zeros(self.m)
+        lower, upper = np.maximum(lower, -INFINITY), np.minimum(upper, INFINITY)
+        self._fresh, solver = False, self._solver
+        limit = NO_TIME_LIMIT if time_limit is None else time_limit
+        if limit != self._time_limit:
+            self._time_limit = self._osqp.settings.time_limit = limit
+            solver.update_settings(self._osqp.settings)
+        refused = solver.update_data_vec(q=q, l=lower, u=upper)
+        if refused or solver.update_data_mat(P_x=Px, P_i=None, A_x=Ax, A_i=None):
             return self._failed("OSQP refused the data")
         # After a matrix update the problem is scaled anew but not the iterates.
-        solver.warm_start(self._x, self._y)
+        solver.warm_start(x, y)
         solver.solve()
         info = solver.info
-        status = info.status_val
         self._adapted = self._adapted or info.rho_updates > 0
-        if status == SOLVED:
-            outcome, reason = QPStatus.SOLVED, ""
-        elif status in EARLY:
-            outcome, reason = QPStatus.STOPPED_EARLY, info.status
-        else:
-            if status == INTERRUPTED:
+        if info.status_val not in EARLY and info.status_val != SOLVED:
+            if info.status_val == INTERRUPTED:
                 # OSQP catches Ctrl-C while it solves and tells nobody: the program hears it here
                 signal.raise_signal(signal.SIGINT)
             return self._failed(f"OSQP: {info.status}")
-        solution = solver.solution
-        primal, dual = np.array(solution.x), np.array(solution.y)
+        primal, dual = np.array(solver.solution.x), np.array(solver.solution.y)
         if not math.isfinite(np.add.reduce(primal) + np.add.reduce(dual)):
             return self._failed("OSQP: solution not finite")
-        return QPSolution(outcome, primal, dual, info.iter, info.prim_res, info.dual_res, reason)
-
-    def _fault(self) -> str:
-        """What is wrong with the data that OSQP is about to be given, or nothing."""
-        # each of these is also false for NaN
-        if not np.maximum.reduce(np.abs(self._numbers)) <= LARGEST:
-            return f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down"
-        if not np.logical_and.reduce(self._lower <= self._upper):
-            return "QP bounds not finite, or they cross"
-        # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on
-        # stderr
-        if (
-            np.maximum.reduce(self._lower) >= INFINITY
-            or np.minimum.reduce(self._upper) <= -INFINITY
-        ):
-            return f"QP bounds that leave nothing below {INFINITY:g}"
-        return ""
-
-    def _cost(self, Px: Array | None) -> Array | None:
-        """Entries of P for the next solve, those of the setup if not given; None if not finite.
-
-        Raises
-        ------
-        ValueError
-            For a wrong shape.
-        """
-        own: Array = self._setup[0].data
-        self._own_P = Px is None
-        if Px is None:
-            return own
-        if Px.shape != own.shape:
-            raise ValueError(f"QP data Px: expected shape {own.shape}, got {Px.shape}")
-        # also false for NaN
-        if not np.maximum.reduce(np.abs(Px)) <= LARGEST:
-            return None
-        return np.ascontiguousarray(Px, dtype=float)
-
-    def _limit_time(self, seconds: float) -> None:
-        """Have OSQP stop after this long [s]."""
-        if seconds != self._time_limit:
-            self._time_limit = self._osqp.settings.time_limit = seconds
-            self._solver.update_settings(self._osqp.settings)
-
-    def _failed(self, reason: str) -> QPSolution:
-        return QPSolution.failed(self.n, self.m, reason)
+        early = info.status_val in EARLY
+        status, why = (QPStatus.STOPPED_EARLY, info.status) if early else (QPStatus.SOLVED, "")
+        return QPSolution(status, primal, dual, info.iter, info.prim_res, info.dual_res, why)
 
 
 def _rebuilt(

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
-from typing import NamedTuple, Protocol, Self
+from functools import partial
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.nmpc.qp import NavigationQP
+    from kmpc_lite.control.options import OSQPOptions
 
 INFINITY = 1e30
 """Bounds beyond this are open, as OSQP itself has it. A row must not change between open and
 closed: OSQP would factorise anew."""
 LARGEST = 1e10
 """Entries of P, A or q beyond this make factorisations fail."""
+DEFAULT_SOLVER = "osqp"
+plain: Callable[[Any], Array] = partial(np.asarray, dtype=float, order="C")
+"""Numbers of any kind as the arrays whose memory solvers read."""
 
 
 class QPStatus(Enum):
@@ -26,6 +36,25 @@ class QPStatus(Enum):
     """Infeasible, bad data or not finite: there is no iterate."""
 
 
+class QPData(NamedTuple):
+    """Numbers of a QP, and where to begin."""
+
+    q: Array
+    """(n,)."""
+    lower: Array
+    """(m,)."""
+    upper: Array
+    """(m,)."""
+    Ax: Array
+    """All stored entries of A, in CSC order, (nnz,)."""
+    x: Array
+    """Warm start (n,); one that is not finite is replaced by zeros."""
+    y: Array
+    """Its multipliers (m,)."""
+    Px: Array | None = None
+    """All stored entries of P, in CSC order; those of the setup if not given."""
+
+
 class QPSolution(NamedTuple):
     """An iterate with its status; `x` and `y` are copies."""
 
@@ -34,67 +63,45 @@ class QPSolution(NamedTuple):
     """(n,)."""
     y: Array
     """(m,) multipliers: positive at an upper bound, negative at a lower one."""
-    iterations: int
+    iterations: int = 0
     """Zero if the solver does not tell."""
-    primal_residual: float
-    dual_residual: float
-    reason: str
-
-    @classmethod
-    def failed(cls, variables: int, rows: int, reason: str) -> Self:
-        """Answer that a QP with so many variables and rows has no iterate."""
-        nothing = np.zeros(variables), np.zeros(rows)
-        return cls(QPStatus.FAILED, *nothing, 0, np.inf, np.inf, reason)
+    primal_residual: float = np.inf
+    dual_residual: float = np.inf
+    reason: str = ""
 
 
-class QPSolver(Protocol):
+class QPSolver:
     """Solves ``min x'Px/2 + q'x, l <= Ax <= u`` again and again, with new numbers each time.
 
     A solution depends on the arguments only, not on what was solved before. Solvers copy and
     pickle.
 
-    Attributes
+    Parameters
     ----------
-    n, m : int
-        How many variables and rows there are.
+    P, A : scipy.sparse.csc_matrix
+        Upper triangle of P (n, n), and A (m, n); entries that may become nonzero are stored from
+        the start.
     """
 
-    n: int
-    m: int
+    can_be_stopped = False
+    """Whether `time_limit` has an effect."""
 
-    @property
-    def can_be_stopped(self) -> bool:
-        """Whether `time_limit` has an effect."""
-        ...
+    def __init__(self, P: Any, A: Any) -> None:
+        self.m, self.n = A.shape
+        self._own_cost: Array = P.data.copy()
+        n, m = (self.n,), (self.m,)
+        self._shapes = n, m, m, A.data.shape, n, m, P.data.shape
 
     def restart(self) -> None:
         """Forget what a solver may learn from one solve to the next; called once a step."""
-        ...
 
-    def solve(
-        self,
-        q: Array,
-        lower: Array,
-        upper: Array,
-        Ax: Array,
-        x: Array,
-        y: Array,
-        *,
-        Px: Array | None = None,
-        time_limit: float | None = None,
-    ) -> QPSolution:
+    def solve(self, data: QPData, time_limit: float | None = None) -> QPSolution:
         """Solve with new numbers from a warm start.
 
         Parameters
         ----------
-        q, lower, upper : ndarray
-            (n,), (m,), (m,).
-        Ax : ndarray
-            All stored entries of A, in CSC order, (nnz,).
-        x, y : ndarray
-            Warm start (n,), (m,); one that is not finite is replaced by zeros.
-        Px : ndarray, optional
-            All stored entries of P, in CSC order; those of the setup if not given.
+        data : QPData
+            Left alone.
         time_limit : float, optional
             When to stop [s]; what there is by then comes back as STOPPED_EARLY.
 
@@ -103,4 +110,73 @@ class QPSolver(Protocol):
         ValueError
             For wrong shapes.
         """
-        ...
+        told = self._checked(data)
+        fault = _fault(told)
+        return self._failed(fault) if fault else self._solve(told, time_limit)
+
+    def _checked(self, data: QPData) -> QPData:
+        """Give the same as plain arrays of the right lengths: raw pointers to them are read."""
+        whole = data if data.Px is not None else data._replace(Px=self._own_cost)
+        told = QPData._make(map(plain, whole))
+        shapes = tuple(map(attrgetter("shape"), told))
+        if shapes != self._shapes:
+            names = ", ".join(QPData._fields)
+            raise ValueError(f"QP data {names}: expected shapes {self._shapes}, got {shapes}")
+        return told
+
+    def _solve(self, data: QPData, time_limit: float | None) -> QPSolution:
+        """Solve with numbers that are sound."""
+        raise NotImplementedError
+
+    def _failed(self, reason: str) -> QPSolution:
+        nothing = np.zeros(self.n), np.zeros(self.m)
+        return QPSolution(QPStatus.FAILED, *nothing, reason=reason)
+
+
+def _fault(data: QPData) -> str:
+    """What is wrong with the numbers of a QP, or nothing."""
+    q, lower, upper, Ax, _, _, Px = data
+    assert Px is not None
+    # each of these is also false for NaN
+    for part in (q, Ax, Px):
+        if not np.maximum.reduce(np.abs(part), initial=0.0) <= LARGEST:
+            return f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down"
+    if not np.logical_and.reduce(lower <= upper):
+        return "QP bounds not finite, or they cross"
+    # such a row would cross once its other side is cut to INFINITY
+    low, high = np.maximum.reduce(lower, initial=0.0), np.minimum.reduce(upper, initial=0.0)
+    if low >= INFINITY or high <= -INFINITY:
+        return f"QP bounds that leave nothing below {INFINITY:g}"
+    return ""
+
+
+MakeSolver = Callable[["NavigationQP", "OSQPOptions"], QPSolver]
+"""Sets up a solver for a QP."""
+
+
+def choose_solver(solver: str | MakeSolver, qp: NavigationQP, options: OSQPOptions) -> QPSolver:
+    """Set up a solver for a QP.
+
+    Parameters
+    ----------
+    solver : str or callable
+        ``"osqp"`` for our workspace, a name that qpsolvers knows, or what sets up another one.
+    qp : NavigationQP
+        Its matrices.
+    options : OSQPOptions
+        Settings of OSQP; solvers of qpsolvers take the tolerance.
+
+    Raises
+    ------
+    ProblemError
+        For a solver that is not installed.
+    """
+    if callable(solver):
+        return solver(qp, options)
+    if solver == DEFAULT_SOLVER:
+        from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace, osqp_settings
+
+        return OSQPWorkspace(qp.P, qp.q, qp.A, qp.lower, qp.upper, **osqp_settings(options))
+    from kmpc_lite.control.nmpc.qpsolvers_backend import QpsolversBackend
+
+    return QpsolversBackend(solver, qp.P, qp.A, options.tolerance)

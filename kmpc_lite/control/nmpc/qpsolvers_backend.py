@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from kmpc_lite.control.nmpc.qp_solvers import INFINITY, LARGEST, QPSolution, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import INFINITY, QPData, QPSolution, QPSolver, QPStatus
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
@@ -47,16 +47,15 @@ class _Split(NamedTuple):
     """Minus one for lower bounds."""
 
 
-class QpsolversBackend:
+class QpsolversBackend(QPSolver):
     """One QP, given to a solver by its name.
 
     Parameters
     ----------
     name : str
         As qpsolvers calls the solver.
-    P, A : scipy.sparse.csc_matrix
-        Upper triangle of P (n, n), and A (m, n); entries that may become nonzero are stored from
-        the start.
+    P, A
+        As `QPSolver` has them.
     tolerance : float
         That solutions are found to, as far as the solver can be told.
 
@@ -76,57 +75,29 @@ class QpsolversBackend:
                 f"solver: expected one that is installed here ({known}), got {name!r}; "
                 "qpsolvers lists more, to be installed with pip"
             )
+        super().__init__(P, A)
         self.name, self.tolerance = name, tolerance
-        self.m, self.n = A.shape
-        self._settings = {key: tolerance for key in TOLERANCE_NAMES.get(name, ())}
-        self._entries = A.nnz
+        self.can_be_stopped = name in TIME_LIMIT_NAMES
+        self._settings = dict.fromkeys(TOLERANCE_NAMES.get(name, ()), tolerance)
         # entries by their numbers, from one on: so a change of form tells where each has gone
-        numbers = np.arange(1, A.nnz + 1)
-        self._numbered = sp.csc_matrix((numbers, A.indices, A.indptr), A.shape).tocsr()
-        self._Px = P.data.copy()
-        upper = sp.csc_matrix((np.arange(1, P.nnz + 1), P.indices, P.indptr), P.shape)
-        self._P = sp.csc_matrix(upper + sp.triu(upper, 1).T)
-        self._P_from = self._P.data - 1
-        self._P = sp.csc_matrix(self._P, dtype=float)
+        self._numbered = _numbered(A).tocsr()
+        upper = _numbered(P)
+        self._P = sp.csc_matrix(upper + sp.triu(upper, 1).T, dtype=float)
+        self._P_from = self._P.data.astype(int) - 1
         weight = REGULARISATION if name in POSITIVE_DEFINITE_ONLY else 0.0
         self._regularisation = sp.csc_matrix(weight * sp.eye(self.n))
         self._dense = name not in qpsolvers.sparse_solvers
         self._split: tuple[bytes, _Split] | None = None
 
-    def restart(self) -> None:
-        """Do nothing: nothing is remembered."""
-
-    @property
-    def can_be_stopped(self) -> bool:
-        """Whether `time_limit` has an effect."""
-        return self.name in TIME_LIMIT_NAMES
-
-    def solve(
-        self,
-        q: Array,
-        lower: Array,
-        upper: Array,
-        Ax: Array,
-        x: Array,
-        y: Array,
-        *,
-        Px: Array | None = None,
-        time_limit: float | None = None,
-    ) -> QPSolution:
-        """Solve with new numbers from a warm start `x`; see `QPSolver.solve`."""
+    def _solve(self, data: QPData, time_limit: float | None) -> QPSolution:
         import qpsolvers
 
-        shapes = [np.shape(part) for part in (q, lower, upper, Ax)]
-        expected = [(self.n,), (self.m,), (self.m,), (self._entries,)]
-        if shapes != expected:
-            raise ValueError(f"QP data q, lower, upper, Ax: expected {expected}, got {shapes}")
-        cost = self._Px if Px is None else Px
-        if fault := _fault(q, lower, upper, Ax, cost):
-            return self._failed(fault)
+        q, lower, upper, Ax, x, _, Px = data
+        assert Px is not None
         split = self._split_rows(lower, upper)
         split.G.data[:] = split.G_sign * Ax[split.G_from]
         split.E.data[:] = Ax[split.E_from]
-        self._P.data[:] = cost[self._P_from]
+        self._P.data[:] = Px[self._P_from]
         problem = qpsolvers.Problem(
             self._in_form(self._P + self._regularisation),
             q,
@@ -160,14 +131,13 @@ class QpsolversBackend:
             duals[split.below] -= found.z[count:]
         if found.y is not None and len(found.y):
             duals[split.equal] = found.y
-        status = QPStatus.SOLVED if found.found else QPStatus.STOPPED_EARLY
-        reason = "" if found.found else f"{self.name}: not solved to its tolerance"
         if not np.isfinite(duals).all():
             return self._failed(f"{self.name}: multipliers not finite")
-        primal, dual = self.tolerance, self.tolerance
-        if found.found is False:
-            primal, dual = float(found.primal_residual()), float(found.dual_residual())
-        return QPSolution(status, np.array(found.x), duals, 0, primal, dual, reason)
+        if found.found:
+            return QPSolution(QPStatus.SOLVED, np.array(found.x), duals, 0, *2 * (self.tolerance,))
+        left = float(found.primal_residual()), float(found.dual_residual())
+        why = f"{self.name}: not solved to its tolerance"
+        return QPSolution(QPStatus.STOPPED_EARLY, np.array(found.x), duals, 0, *left, why)
 
     def _split_rows(self, lower: Array, upper: Array) -> _Split:
         """Part the rows by their bounds; known again while the same rows are bounded."""
@@ -191,17 +161,8 @@ class QpsolversBackend:
             self._split = key, split
         return self._split[1]
 
-    def _failed(self, reason: str) -> QPSolution:
-        return QPSolution.failed(self.n, self.m, reason)
 
-
-def _fault(q: Array, lower: Array, upper: Array, Ax: Array, Px: Array) -> str:
-    """What is wrong with the numbers of a QP, or nothing."""
-    # each of these is also false for NaN
-    if not max(np.abs(part).max(initial=0.0) for part in (q, Ax, Px)) <= LARGEST:
-        return f"QP data not finite, or beyond {LARGEST:g}"
-    if not (lower <= upper).all():
-        return "QP bounds not finite, or they cross"
-    if lower.max(initial=0.0) >= INFINITY or upper.min(initial=0.0) <= -INFINITY:
-        return f"QP bounds that leave nothing below {INFINITY:g}"
-    return ""
+def _numbered(matrix: sp.csc_matrix) -> sp.csc_matrix:
+    """The same entries, numbered from one on."""
+    numbers = np.arange(1, matrix.nnz + 1)
+    return sp.csc_matrix((numbers, matrix.indices, matrix.indptr), matrix.shape)

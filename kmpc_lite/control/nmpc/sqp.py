@@ -15,10 +15,15 @@ from time import perf_counter
 
 import numpy as np
 
-from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver, choose_solver
 from kmpc_lite.control.nmpc.fill_qp import FillQP
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import (
+    DEFAULT_SOLVER,
+    MakeSolver,
+    QPData,
+    QPStatus,
+    choose_solver,
+)
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.options import (
     OSQPOptions,
@@ -225,16 +230,9 @@ class SQP:
         if task.deadline < math.inf:
             # asking the model about the plan takes no longer than linearising it did
             limit = max(task.deadline - filled - (linearized - begin), LEAST_SOLVE_TIME)
-        solution = self.workspace.solve(
-            qp.q,
-            qp.lower,
-            qp.upper,
-            qp.A.data,
-            qp.numbers.start,
-            guess.duals,
-            Px=qp.P.data if task.to_goal or qp.cost.terminal_share != 1.0 else None,
-            time_limit=limit,
-        )
+        bends = task.to_goal or qp.cost.terminal_share != 1.0
+        told = qp.q, qp.lower, qp.upper, qp.A.data, qp.numbers.start, guess.duals
+        solution = self.workspace.solve(QPData(*told, qp.P.data if bends else None), limit)
         solved = self.clock()
         run.passes += 1
         run.status, run.reason = solution.status, solution.reason

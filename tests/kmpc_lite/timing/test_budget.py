@@ -7,9 +7,8 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc.choose_solver import choose_solver
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.control.nmpc.qp_solvers import QPSolver
+from kmpc_lite.control.nmpc.qp_solvers import QPData, QPSolution, QPSolver, choose_solver
 from kmpc_lite.control.options import OSQPOptions
 
 GOAL = (1.5, 1.5, 0.0)
@@ -40,11 +39,11 @@ def controller(
         workspace = choose_solver("osqp", qp, options)
         solve = workspace.solve
 
-        def timed(*data: np.ndarray, time_limit: float | None, **more: Any) -> Any:
+        def timed(data: QPData, time_limit: float | None = None) -> QPSolution:
             if time_limit is not None:
                 limits.append(time_limit)
             clock.now += qp_seconds if time_limit is None else min(qp_seconds, time_limit)
-            return solve(*data, time_limit=None, **more)  # by this clock, not a busy machine's
+            return solve(data)  # by this clock, not a busy machine's
 
         workspace.solve = timed  # type: ignore[method-assign]
         return workspace

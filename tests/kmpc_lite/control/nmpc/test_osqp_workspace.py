@@ -10,7 +10,7 @@ from osqp_box import EXACT, Box, assert_failed
 from scipy import sparse
 
 from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import QPData, QPStatus
 
 
 def test_infeasible_problem_fails_rather_than_returning_garbage() -> None:
@@ -128,12 +128,13 @@ def test_time_limit_stops_a_solve_and_can_be_lifted() -> None:
     q, lower, upper, zeros = random.normal(size=n), -0.1 * np.ones(n), 0.1 * np.ones(n), np.zeros(n)
     workspace = OSQPWorkspace(dense, q, sparse.csc_matrix(a), lower, upper, **EXACT)
     entries = a.ravel(order="F")
-    hurried = workspace.solve(q, lower, upper, entries, zeros, zeros, time_limit=1e-9)
+    data = QPData(q, lower, upper, entries, zeros, zeros)
+    hurried = workspace.solve(data, time_limit=1e-9)
     assert hurried.status is QPStatus.STOPPED_EARLY
     assert "time" in hurried.reason
     assert np.isfinite(hurried.x).all()
     # the next solve has no limit any more
-    assert workspace.solve(q, lower, upper, entries, zeros, zeros).status is QPStatus.SOLVED
+    assert workspace.solve(data).status is QPStatus.SOLVED
 
 
 def test_new_matrix_is_used_and_the_warm_start_survives_it() -> None:
@@ -225,9 +226,8 @@ def test_ctrl_c_in_the_middle_of_a_solve_reaches_the_program() -> None:
     pressing = threading.Thread(target=press)
     pressing.start()
     try:
-        answer = endless.solve(
-            random.normal(size=n), -np.ones(n), np.ones(n), row.data, np.zeros(n), np.zeros(n)
-        )
+        zeros, ones = np.zeros(n), np.ones(n)
+        answer = endless.solve(QPData(random.normal(size=n), -ones, ones, row.data, zeros, zeros))
     finally:
         over.set()
         pressing.join()

@@ -9,7 +9,7 @@ from scipy import sparse
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import QPData, QPStatus
 from kmpc_lite.control.nmpc.qpsolvers_backend import QpsolversBackend
 
 SOLVERS = sorted(set(qpsolvers.available_solvers) - {"osqp"})
@@ -43,7 +43,7 @@ def test_solutions_and_multipliers_are_osqps(name: str, seed: int) -> None:
     for scale in (1.0, 1.7):
         told = {**data, "Ax": scale * data["Ax"], "lower": scale * data["lower"]}
         told |= {"upper": scale * data["upper"], "Px": scale * P.data}
-        expected, found = osqp.solve(**told), other.solve(**told)
+        expected, found = osqp.solve(QPData(**told)), other.solve(QPData(**told))
         assert expected.status is found.status is QPStatus.SOLVED, found.reason
         np.testing.assert_allclose(found.x, expected.x, atol=1e-5)
         np.testing.assert_allclose(found.y, expected.y, atol=1e-4)
@@ -53,17 +53,17 @@ def test_solutions_and_multipliers_are_osqps(name: str, seed: int) -> None:
 def test_data_that_is_broken_fails_and_leaves_no_trace(name: str) -> None:
     P, A, data = random_qp(1)
     solver = QpsolversBackend(name, P, A, 1e-9)
-    first = solver.solve(**data)
+    first = solver.solve(QPData(**data))
     for field, value in (("q", np.nan), ("Ax", np.inf), ("lower", np.inf), ("upper", np.nan)):
         bad = data[field].copy()
         bad[-1] = value
-        answer = solver.solve(**{**data, field: bad})
+        answer = solver.solve(QPData(**{**data, field: bad}))
         assert answer.status is QPStatus.FAILED and answer.reason and not answer.x.any()
-    crossed = solver.solve(**{**data, "upper": data["lower"] - 1.0})
+    crossed = solver.solve(QPData(**{**data, "upper": data["lower"] - 1.0}))
     assert crossed.status is QPStatus.FAILED
     with pytest.raises(ValueError, match="QP data"):
-        solver.solve(**{**data, "q": np.zeros(3)})
-    np.testing.assert_array_equal(solver.solve(**data).x, first.x)
+        solver.solve(QPData(**{**data, "q": np.zeros(3)}))
+    np.testing.assert_array_equal(solver.solve(QPData(**data)).x, first.x)
 
 
 @pytest.mark.parametrize("name", SOLVERS)
