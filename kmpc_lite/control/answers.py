@@ -10,10 +10,9 @@ import logging
 import re
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE
-from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.now import Now
 from kmpc_lite.control.plan import GoalProgress, Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -85,30 +84,27 @@ class Answers:
 
     def plan(
         self,
-        seen: Observation,
+        now: Now,
         states: Array,
         inputs: Array,
         status: PlanStatus,
-        clock: StepClock,
+        reason: str,
+        progress: GoalProgress,
         *,
-        passes: int = 0,
-        reason: str = "",
-        reachable: bool = True,
-        progress: GoalProgress = GoalProgress.DRIVING,
         pose_is_lost: bool = False,
     ) -> Plan:
         """Make a plan of states (N + 1, 3) and inputs (N, 2) in the robot's units."""
         scale, problem = self._scale, self._problem
-        solids = None if pose_is_lost else seen.solids
+        solids = None if pose_is_lost else now.solids
         # where the robot is not known, nor is its distance to anything
-        circles = seen.things[: 0 if pose_is_lost else None, :SPREAD_RATE]
+        circles = now.things[: 0 if pose_is_lost else None, :SPREAD_RATE]
         around = PlannedAround(
             circles * scale.circle,
             solids,
             problem.body_radius,
             problem.dt,
             scale.length,
-            None if pose_is_lost or seen.view is None else seen.view.hits,
+            None if pose_is_lost or now.view is None else now.view.hits,
             problem.footprint,
         )
         commands = inputs * scale.command
@@ -118,10 +114,10 @@ class Answers:
             states=states * scale.state,
             inputs=commands,
             status=status,
-            iterations=passes,
-            timing=clock.timing(),
+            iterations=now.passes,
+            timing=now.clock.timing(),
             reason=reason,
-            reachable=reachable,
+            reachable=now.guidance is None or now.guidance.reachable,
             holding=progress is GoalProgress.HOLDING,
             progress=progress,
             around=around,

@@ -18,7 +18,7 @@ from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.mobility import check_motion, following, movable
 from kmpc_lite.control.nmpc.qp_solvers import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.observation import Admission
+from kmpc_lite.control.now import Admission
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.pipeline import Pipeline
 from kmpc_lite.control.plan import Plan
@@ -141,9 +141,10 @@ class Controller:
         settings_of.check_settings(model, problem, settings)
         self._asked, self._given = problem, model
         self._seeks_lateness = settings_of.seeks_lateness(model, adaptation, tightening is not None)
-        asked = adaptation, tightening is not None, movable(model, problem), options.adaptation
-        self.adaptation = settings_of.choose_adaptation(model, *asked)
+        self.adaptation = None
         self._build(None)
+        asked = adaptation, tightening is not None, self.problem, options.adaptation
+        self.adaptation = settings_of.choose_adaptation(model, *asked)
         self.reset()
 
     def _build(self, ramps: Array | None) -> None:
@@ -211,23 +212,23 @@ class Controller:
             For wrong shapes and what is no numbers, and for nothing else.
         """
         clock = StepClock(self._settings.clock, self._settings.time_budget)
-        state = self._state
-        seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
-        if self._pipeline.bring_forward(state, seen, self.known):
-            self._answers_otherwise(state)
-        phases = self._pipeline
-        if refusal := self._learn() or seen.refusal:
-            return phases.refuse(state, seen, self.known, refusal, clock)
-        phases.estimate(state, seen, self.known)
-        guidance = phases.guide(state, seen, self.known, clock)
-        if guidance is not None and guidance.hold:
-            return phases.hold(state, seen, guidance, self.known, clock)
-        task = phases.task(state, seen, guidance, self.known, clock)
-        result = phases.solve(state, seen, guidance, task, clock)
-        verified, passes = phases.verify(state, seen, result, task, clock), result.passes
+        tools = self._state, self.known, clock
+        now = self._admission.admit(tools, x, goal, obstacles, sent)
+        if self._pipeline.bring_forward(now):
+            self._answers_otherwise()
+        phases, refusal = self._pipeline, self._learn() or now.refusal
+        now.known = self.known
+        if refusal:
+            return phases.refuse(now, refusal)
+        phases.estimate(now)
+        phases.guide(now)
+        if now.guidance is not None and now.guidance.hold:
+            return phases.hold(now, now.guidance)
+        task = phases.task(now)
+        verified = phases.verify(now, phases.solve(now, task), task)
         if verified.trajectory is None or verified.motion is None:
-            return phases.fallback.stop(state, seen, self.known, verified.reason, clock, passes)
-        return phases.command(state, seen, guidance, verified, passes, clock)
+            return phases.fallback.stop(now, verified.reason)
+        return phases.command(now, verified)
 
     @property
     def model(self) -> KoopmanModel:
@@ -282,8 +283,9 @@ class Controller:
         self.adaptation, self._state.adaptation = settings_of.adapt_anew(self.adaptation, model)
         self._take_over(model)
 
-    def _answers_otherwise(self, state: ControllerState) -> None:
+    def _answers_otherwise(self) -> None:
         """Take it in that the robot answers later, or more slowly, than was thought."""
+        state = self._state
         if (ramps := state.ramps) is not self._ramps:
             self._build(ramps)
             before = state.history

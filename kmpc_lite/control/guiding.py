@@ -16,13 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import later
-from kmpc_lite.control.knowledge import Knowledge
-from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.path.situation import GuideTask
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.state import ControllerState
 from kmpc_lite.geometry import wrap
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.types import INPUTS, Array
@@ -51,32 +49,22 @@ class Guiding:
         self._rates = RateLimit(units)
         self._deceleration = units.deceleration[[0, -2 if units.wheels.inputs > INPUTS else 0, -1]]
 
-    def reference(
-        self, state: ControllerState, seen: Observation, known: Knowledge, until: float
-    ) -> Guidance | None:
+    def reference(self, now: Now, until: float) -> Guidance | None:
         """Find the reference along a path; none without guidance.
 
-        Parameters
-        ----------
-        state : ControllerState
-            Updated.
-        seen : Observation
-            What the step was given.
-        known : Knowledge
-            What follows from the model.
-        until : float
-            When to leave a search to the next step [s].
+        A search is left to the next step at a time `until` [s].
         """
+        state, known = now.state, now.known
         if self._guide is None or state.guide is None or known.capabilities is None:
             return None
-        late, things = known.capabilities.late, seen.things
-        led = seen.here[None]
+        late, things = known.capabilities.late, now.things
+        led = now.here[None]
         if late:
             going_on = np.zeros((late, known.model.inputs))
             if state.trajectory is not None:
                 planned = state.trajectory.inputs[1 : late + 1]
                 going_on[: len(planned)] = planned
-            led = known.model.rollout(seen.here, going_on, state.history.commands)
+            led = known.model.rollout(now.here, going_on, state.history.commands)
         here = led[-1]
         if late:
             things = later(things, late * self._dt)
@@ -85,20 +73,20 @@ class Guiding:
             history = state.history
             still = np.zeros((known.model.history, known.model.inputs))
             braking = np.concatenate([self._rates.ramp(history.command), still])
-            rest = known.model.rollout(seen.here, braking, history.commands)[-1]
-        heading, known_rest = float(seen.here[2]), rest is not None
+            rest = known.model.rollout(now.here, braking, history.commands)[-1]
+        heading, known_rest = float(now.here[2]), rest is not None
         rolls_on = state.history.brakes(heading, self._deceleration, known_rest)
-        if seen.rolls_on is not None:
-            rolls_on += seen.rolls_on
+        if now.rolls_on is not None:
+            rolls_on += now.rolls_on
         task = GuideTask(
             pose=here,
-            goal=seen.goal,
+            goal=now.goal,
             rolls_on=rolls_on,
             circles=things,
-            solids=seen.solids,
+            solids=now.solids,
             rest=rest,
             until=until,
-            view=seen.view,
+            view=now.view,
             speed=float(speeds(state.history.command)[0]),
             curvature=state.history.curvature,
         )
@@ -109,14 +97,14 @@ class Guiding:
         kept = state.guide.kept_on_the_way(states, self._inflation)
         return guidance._replace(states=states, path_clearance=kept)
 
-    def towards_goal(self, state: ControllerState, seen: Observation) -> Array:
+    def towards_goal(self, now: Now) -> Array:
         """Give the goal itself as the reference (N + 1, 3), as in the paper, without guidance."""
-        here, goal, before = seen.here, seen.goal, state.turn
+        here, goal, before = now.here, now.goal, now.state.turn
         turn = wrap(float(goal[2] - here[2]))
         # near a half turn, the side of the step before is kept
         if abs(turn) > 0.75 * math.pi and turn * before < 0.0 and abs(before) > 0.5 * math.pi:
             turn -= math.copysign(math.tau, turn)
-        state.turn = turn
+        now.state.turn = turn
         return np.tile(np.array([goal[0], goal[1], here[2] + turn]), (self._stages, 1))
 
 

@@ -1,8 +1,8 @@
 """What a step does, phase by phase: estimate, guide, solve, verify, command.
 
-The pipeline holds what follows from problem and options. What a drive has to remember lies in the
-`ControllerState`, what follows from the model in `Knowledge`; every phase gets both. All numbers
-are in the robot's units.
+The pipeline holds what follows from problem and options. What a step was given, what a drive has to
+remember and what follows from the model is in `Now`, which every phase gets. All numbers are in the
+robot's units.
 """
 
 from __future__ import annotations
@@ -18,18 +18,16 @@ from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.estimate.lateness import Lateness
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
-from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.lately import longest_lately
 from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
-from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.standstill import StandstillWatch
-from kmpc_lite.control.state import ControllerState
-from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
+from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE
 from kmpc_lite.control.stop.safe_motion import SafeMotions
 from kmpc_lite.control.task import Task
 from kmpc_lite.control.verification import Verification, Verified
@@ -83,203 +81,138 @@ class Pipeline:
         self._watching = Watching(units, scale, options, reach, self._answers)
         self._standstill = StandstillWatch(units, scale, options.guidance)
 
-    def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+    def estimate(self, now: Now) -> None:
         """Place the robot among what is around it."""
-        seen.place(self.scene, state.scene)
-        self._watching.look(state, seen, known)
-        innovation, margins = state.innovation, known.margins
+        now.place(self.scene)
+        self._watching.look(now)
+        innovation, margins = now.state.innovation, now.known.margins
         if margins is not None:
-            margins.expected_errors.see(innovation, state.history.driven)
-            seen.felt = margins.felt(innovation)
+            margins.expected_errors.see(innovation, now.state.history.driven)
+            now.felt = margins.felt(innovation)
         self._answers.events.drift(innovation.drifting)
 
-    def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> bool:
+    def bring_forward(self, now: Now) -> bool:
         """Note what was really sent in the command history; bring an old pose forward.
 
         Circles and pose are compared with what was expected of them (`Watching.watch`). Returns
         whether the robot is found to answer later, or sooner, than was thought.
         """
-        history, changed = state.history, False
-        if seen.sent is not None:
-            history.correct(seen.sent, self._problem)
-        measured = seen.pose if seen.pose_is_known else None
-        history.see(measured, known.model, self._newest)
-        age, lateness = self._pose_age, state.lateness
+        state, model, changed = now.state, now.known.model, False
+        history, lateness, age = state.history, state.lateness, self._pose_age
+        if now.sent is not None:
+            history.correct(now.sent, self._problem)
+        measured = now.pose if now.pose_is_known else None
+        history.see(measured, model, self._newest)
         if lateness is not None:
             pose = measured if history.driven is not None else None
-            changed = self._lateness.see(lateness, known.model, history.given, pose)
+            changed = self._lateness.see(lateness, model, history.given, pose)
             if changed:
                 # the pose that was expected now is one of another age
                 history.driven, state.innovation = None, InnovationState()
             age += self._problem.dt * float(lateness.found.min())
         if age:
-            measured = seen.pose
-            seen.bring_forward(advance_pose(known.model, measured, history.given, age))
+            measured = now.pose
+            now.bring_forward(advance_pose(model, measured, history.given, age))
             if age > self._pose_age:
-                seen.rolls_on = history.rolls_on(age, measured, seen.pose)
-        self._watching.watch(state, seen, known)
+                now.rolls_on = history.rolls_on(age, measured, now.pose)
+        self._watching.watch(now)
         return changed
 
-    def refuse(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        known: Knowledge,
-        refusal: str,
-        clock: StepClock,
-    ) -> Plan:
+    def refuse(self, now: Now, refusal: str) -> Plan:
         """Stop in a step that cannot be planned, short of what scans show in it all the same."""
         self._answers.events.refused(refusal)
-        if seen.pose_is_known and state.innovation.believed is None:
-            seen.place(self.scene, state.scene)
-            self._watching.look(state, seen, known)
+        if now.pose_is_known and now.state.innovation.believed is None:
+            now.place(self.scene)
+            self._watching.look(now)
         else:
-            self._watching.wait(state)
-        return self.fallback.stop(state, seen, known, refusal, clock)
+            self._watching.wait(now.state)
+        return self.fallback.stop(now, refusal)
 
-    def guide(
-        self, state: ControllerState, seen: Observation, known: Knowledge, clock: StepClock
-    ) -> Guidance | None:
+    def guide(self, now: Now) -> None:
         """Find the reference along a path; none without guidance."""
-        clock.lap("estimate")
-        until = clock.after(self._options.step.guide_share)
-        guidance = self._guiding.reference(state, seen, known, until)
-        self._answers.events.path(guidance is not None and guidance.switched)
-        return guidance
+        now.clock.lap("estimate")
+        until = now.clock.after(self._options.step.guide_share)
+        now.guidance = self._guiding.reference(now, until)
+        self._answers.events.path(now.guidance is not None and now.guidance.switched)
 
-    def task(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        guidance: Guidance | None,
-        known: Knowledge,
-        clock: StepClock,
-    ) -> Task:
+    def task(self, now: Now) -> Task:
         """Say what is steered for, among what."""
-        known_range = self._problem.sensor_range
+        known, known_range = now.known, self._problem.sensor_range
+        history, guidance = now.state.history, now.guidance
         task = Task(
             model=known.model,
-            past=state.history.commands,
-            last=state.history.command,
+            past=history.commands,
+            last=history.command,
             around=Surroundings(
-                things=seen.things,
-                nearby=seen.nearby,
-                perhaps=seen.perhaps,
-                unsure=seen.unsure,
+                things=now.things,
+                nearby=now.nearby,
+                perhaps=now.perhaps,
+                unsure=now.unsure,
                 swerve_time=self._options.stop.swerve_time,
                 known=math.inf if known_range is None else known_range + self._problem.body_radius,
                 emerging_speed=self._emerging_speed,
-                unknown=seen.view.unknown if seen.view and self._emerging_speed else None,
+                unknown=now.view.unknown if now.view and self._emerging_speed else None,
             ),
             margins=known.margins,
-            felt=seen.felt,
-            reference=self._guiding.towards_goal(state, seen)
-            if guidance is None
-            else guidance.states,
+            felt=now.felt,
+            reference=self._guiding.towards_goal(now) if guidance is None else guidance.states,
             to_goal=guidance is None,
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             late=0 if known.capabilities is None else known.capabilities.late,
-            curvature=state.history.curvature,
-            rolls_on=seen.rolls_on,
+            curvature=history.curvature,
+            rolls_on=now.rolls_on,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
-            deadline=clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE)),
+            deadline=now.clock.deadline(max(now.state.after_solve, LEAST_AFTER_SOLVE)),
         )
-        clock.lap("guide")
+        now.clock.lap("guide")
         return task
 
-    def solve(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        guidance: Guidance | None,
-        task: Task,
-        clock: StepClock,
-    ) -> SQPResult:
+    def solve(self, now: Now, task: Task) -> SQPResult:
         """Run the passes of the SQP from the last plan; along the reference if that is new."""
-        qp = self._sqp.qp
-        last = None if guidance is not None and guidance.switched else state.trajectory
-        guess, least = one_period_later(qp, last, seen.here), 1
+        qp, guidance = self._sqp.qp, now.guidance
+        last = None if guidance is not None and guidance.switched else now.state.trajectory
+        guess, least = one_period_later(qp, last, now.here), 1
         if guess is None and guidance is None and self._sqp.iterations > 1:
             # straight to the goal may lead through obstacles, and passes end where they began
-            guess = at_rest(qp, seen.here)
+            guess = at_rest(qp, now.here)
         elif guess is None:
-            guess, least = along(qp, task.reference, seen.here), 2
-        clock.lap("shift")
+            guess, least = along(qp, task.reference, now.here), 2
+        now.clock.lap("shift")
         result = self._sqp.solve(guess, task, least)
-        clock.add(result.timing)
+        now.clock.add(result.timing)
+        now.passes = result.passes
         return result
 
-    def verify(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        result: SQPResult,
-        task: Task,
-        clock: StepClock,
-    ) -> Verified:
+    def verify(self, now: Now, result: SQPResult, task: Task) -> Verified:
         """Check that the model agrees with the plan, and that the robot can stop after it."""
-        verified = self._verification.check(result, seen, task)
+        state, verified = now.state, self._verification.check(result, now, task)
         state.trajectory = verified.trajectory
-        took = clock.lap("verify") + LEAST_AFTER_SOLVE
+        took = now.clock.lap("verify") + LEAST_AFTER_SOLVE
         state.after_solve = longest_lately(state.after_solve, took)
         return verified
 
-    def command(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        guidance: Guidance | None,
-        verified: Verified,
-        passes: int,
-        clock: StepClock,
-    ) -> Plan:
+    def command(self, now: Now, verified: Verified) -> Plan:
         """Send the first command of a verified plan."""
-        trajectory, motion = verified.trajectory, verified.motion
+        trajectory, motion, guidance = verified.trajectory, verified.motion, now.guidance
         assert trajectory is not None and motion is not None
-        state.history.remember(trajectory.inputs[0], motion, planned=True)
-        states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
+        now.state.history.remember(trajectory.inputs[0], motion, planned=True)
+        states = trajectory.states + (0.0, 0.0, now.turns) if now.turns else trajectory.states
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
-        reason, reachable, progress = verified.reason, True, GoalProgress.DRIVING
+        reason, progress = verified.reason, GoalProgress.DRIVING
         if guidance is not None:
             reason = "; ".join(filter(None, (guidance.reason, reason)))
-            reachable, progress = guidance.reachable, guidance.progress
-        told = trajectory.inputs[0], guidance is not None, reason, progress
-        reason, progress = self._standstill.tell(state.standstill, seen.here, seen.goal, *told)
-        return self._answers.plan(
-            seen,
-            states,
-            trajectory.inputs,
-            status,
-            clock,
-            passes=passes,
-            reason=reason,
-            reachable=reachable,
-            progress=progress,
-        )
+            progress = guidance.progress
+        told = self._standstill.tell(now, trajectory.inputs[0], reason, progress)
+        return self._answers.plan(now, states, trajectory.inputs, status, *told)
 
-    def hold(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        guidance: Guidance,
-        known: Knowledge,
-        clock: StepClock,
-    ) -> Plan:
+    def hold(self, now: Now, guidance: Guidance) -> Plan:
         """Stand at the goal, or as near to it as the area allows."""
-        plan, history = at_rest(self._sqp.qp, seen.here), state.history
+        plan, history = at_rest(self._sqp.qp, now.here), now.state.history
         plan.inputs[0] = command = self._rates.limit(plan.inputs[0], history.command)
         if command.any():
             # it still brakes
-            plan.states[:] = known.model.rollout(seen.here, plan.inputs, history.commands)
-        state.trajectory = plan
+            plan.states[:] = now.known.model.rollout(now.here, plan.inputs, history.commands)
+        now.state.trajectory = plan
         history.remember(command, np.vstack([command, self._rates.ramp(command)]))
-        return self._answers.plan(
-            seen,
-            plan.states + (seen.pose - seen.here),
-            plan.inputs,
-            PlanStatus.SOLVED,
-            clock,
-            reason=guidance.reason,
-            reachable=guidance.reachable,
-            progress=guidance.progress,
-        )
+        states, told = plan.states + (now.pose - now.here), (guidance.reason, guidance.progress)
+        return self._answers.plan(now, states, plan.inputs, PlanStatus.SOLVED, *told)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.now import Now
 
 STANDS = np.array([0.15, 0.5])
 """A robot that moves by less [m], and turns by less [rad], stands."""
@@ -48,35 +52,24 @@ class StandstillWatch:
         self._little = LITTLE * np.abs(reached_speeds(units))
 
     def tell(
-        self,
-        state: StandstillState,
-        place: Array,
-        goal: Array,
-        command: Array,
-        guided: bool,
-        reason: str,
-        progress: GoalProgress,
+        self, now: Now, command: Array, reason: str, progress: GoalProgress
     ) -> tuple[str, GoalProgress]:
         """Give reason and progress, with why the robot has stood where it has stood for long.
 
         Parameters
         ----------
-        state : StandstillState
-            Updated.
-        place, goal : ndarray
-            Pose (3,), and the one to reach.
+        now : Now
+            The step; its state is updated.
         command : ndarray
             (2,) of the coming period.
-        guided : bool
-            Whether a guide leads the robot.
         reason : str
             Why it does not drive, by the guide.
         progress : GoalProgress
             What it does about its goal, by the guide.
         """
         # without guidance a robot at its goal is told to be driving
-        here, aim = place.tolist(), tuple(goal.tolist())
-        on_its_way = guided or math.dist(here[:2], aim[:2]) > STANDS.item(0)
+        state, here, aim = now.state.standstill, now.here.tolist(), tuple(now.goal.tolist())
+        on_its_way = now.guidance is not None or math.dist(here[:2], aim[:2]) > STANDS.item(0)
         drives = progress is GoalProgress.DRIVING and on_its_way
         # a robot that does not drive, but waits or holds, begins anew when it drives
         drives = drives or reason.startswith((NO_PROGRESS, UNSEEN))

@@ -15,7 +15,7 @@ from kmpc_lite.control.kernels.clearance import SPREAD_RATE
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.sqp import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import StepOptions, unit_length
 from kmpc_lite.control.plan import PlannedAround
 from kmpc_lite.control.problem import NavigationProblem
@@ -51,7 +51,7 @@ class Verification:
         self.accepted_depth = ACCEPTED_DEPTH * unit
         self._problem, self._motions, self._rates = problem, motions, RateLimit(problem)
 
-    def check(self, result: SQPResult, seen: Observation, task: Task) -> Verified:
+    def check(self, result: SQPResult, now: Now, task: Task) -> Verified:
         """Check whether a result may be driven; slow its first command where that makes it safe."""
         if result.status is QPStatus.FAILED:
             return Verified(None, None, result.reason)
@@ -72,7 +72,7 @@ class Verification:
                 return Verified(Trajectory(states, inputs, found.duals), None, reason)
         if contradicted and task.margins is None:
             # without margins nothing else would keep such a plan from an obstacle
-            if not self.clearance(states, seen) >= -self.accepted_depth:
+            if not self.clearance(states, now) >= -self.accepted_depth:
                 return Verified(found, None, reason)
         motion = self._motions.find(states, inputs, task)
         if motion.commands is None:
@@ -81,12 +81,12 @@ class Verification:
             found = Trajectory(motion.states, motion.inputs, found.duals)
         return Verified(found, motion.commands, reason)
 
-    def clearance(self, states: Array, seen: Observation) -> float:
+    def clearance(self, states: Array, now: Now) -> float:
         """Smallest distance between the edges of robot and obstacles along states (K, 3)."""
-        hits, problem = None if seen.view is None else seen.view.hits, self._problem
+        hits, problem = None if now.view is None else now.view.hits, self._problem
         return PlannedAround(
-            seen.things[:, :SPREAD_RATE],
-            seen.solids,
+            now.things[:, :SPREAD_RATE],
+            now.solids,
             problem.body_radius,
             problem.dt,
             hits=hits,

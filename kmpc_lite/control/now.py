@@ -18,21 +18,30 @@ from kmpc_lite.control.input_checks import (
 )
 from kmpc_lite.control.kernels.clearance import COLUMNS, SPREAD_RATE, things_of
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState
+from kmpc_lite.control.world.scene import Obstacles, Scene
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.knowledge import Knowledge
     from kmpc_lite.control.margins.model_noise import FeltNoise
+    from kmpc_lite.control.path.situation import Guidance
+    from kmpc_lite.control.state import ControllerState
+    from kmpc_lite.control.step_clock import StepClock
     from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Nearby, Solids
 
 
 @dataclass(slots=True)
-class Observation:
-    """Pose, goal and obstacles of a step, in the robot's units."""
+class Now:
+    """A step: what it works with, and pose, goal and obstacles, in the robot's units."""
 
+    state: ControllerState
+    """All that outlives it; updated."""
+    known: Knowledge
+    """What follows from the model."""
+    clock: StepClock
     pose: Array
     """(3,) as measured; brought forward by the estimate where poses are old."""
     goal: Array
@@ -57,7 +66,6 @@ class Observation:
     """Seen from the pose as measured."""
     view: View | None = None
     """What was seen up to now; none without scans."""
-
     rolls_on: Array | None = None
     """(3,) by how much farther it comes than its model says, if it answers later than that."""
     felt: FeltNoise | None = None
@@ -68,6 +76,10 @@ class Observation:
     """How many of the things, the last ones, scans have shown to walk."""
     perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
     """(P, 7) what seems to walk in scans, but may be a piece of something that stands."""
+    guidance: Guidance | None = None
+    """Where to: the reference along a path; none without guidance."""
+    passes: int = 0
+    """Of the SQP, as far as it has come."""
 
     @property
     def unsure(self) -> Array:
@@ -90,12 +102,12 @@ class Observation:
         self.measured = self.measured + (pose - self.pose)
         self.pose = pose
 
-    def place(self, scene: Scene, state: SceneState) -> None:
+    def place(self, scene: Scene) -> None:
         """Bring the heading within one turn, and look up what is near."""
         self.turns = float(nearest_turn(float(self.pose[2])))
         self.here = self.pose.copy()
         self.here[2] -= self.turns
-        self.nearby = scene.near(state, self.solids, self.pose[:2])
+        self.nearby = scene.near(self.state.scene, self.solids, self.pose[:2])
 
 
 class Admission:
@@ -106,13 +118,13 @@ class Admission:
 
     def admit(
         self,
-        state: SceneState,
+        tools: tuple[ControllerState, Knowledge, StepClock],
         x: ArrayLike,
         goal: ArrayLike,
         obstacles: Obstacles,
         sent: ArrayLike | None,
-    ) -> Observation:
-        """Take in a step's arguments, in metres and seconds.
+    ) -> Now:
+        """Take in a step's arguments, in metres and seconds, and what it works with.
 
         Raises
         ------
@@ -122,7 +134,7 @@ class Admission:
         pose, target, command = step_numbers(x, goal, sent, self._scale.inputs)
         if command is not None and not is_plausible(command):
             command = np.full(len(command), np.nan)  # what was sent is not known
-        refusal, circles, solids, scans = self._scene.sort(state, obstacles)
+        refusal, circles, solids, scans = self._scene.sort(tools[0].scene, obstacles)
         scale, pose_is_known = self._scale, is_plausible(pose)
         if refusal:
             pass
@@ -140,7 +152,8 @@ class Admission:
         else:
             target[2] -= nearest_turn(float(target[2]))
         measured = pose / scale.state
-        return Observation(
+        return Now(
+            *tools,
             measured,
             target / scale.state,
             things_of(circles / scale.circle),
