@@ -7,21 +7,18 @@ see a path, the solver a solution, and the motors be off.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.mobility import reached_speeds
+from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.state import StandstillState
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.now import Now
 
 STANDS = np.array([0.15, 0.5])
 """A robot that moves by less [m], and turns by less [rad], stands."""
@@ -29,18 +26,6 @@ STALLS = 2.0
 """A robot stands for long after this many times the guide's `stall_time`."""
 LITTLE = 0.1
 """Share of its fastest speed and turn rate below which a robot is hardly commanded to move."""
-
-
-@dataclass(slots=True)
-class StandstillState:
-    """Where the robot stands, and what it was commanded there."""
-
-    place: tuple[float, ...] = (math.nan,) * 6
-    """Pose that it has not moved away from, and its goal: another one is a new beginning."""
-    time: float = 0.0
-    """Since it came there [s]."""
-    asked: Array = field(default_factory=lambda: np.zeros(2))
-    """How far its commands would have driven it since [m], and turned it [rad]."""
 
 
 class StandstillWatch:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.estimate.lateness import LatenessState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.standstill import StandstillState
 from kmpc_lite.control.world.scene import SceneState
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.model.koopman import KoopmanModel
@@ -20,6 +22,18 @@ if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
     from kmpc_lite.control.world.sight.local_map import LocalMap
     from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
+
+
+@dataclass(slots=True)
+class StandstillState:
+    """Where the robot stands, and what it was commanded there."""
+
+    place: tuple[float, ...] = (math.nan,) * 6
+    """Pose that it has not moved away from, and its goal: another one is a new beginning."""
+    time: float = 0.0
+    """Since it came there [s]."""
+    asked: Array = field(default_factory=lambda: np.zeros(2))
+    """How far its commands would have driven it since [m], and turned it [rad]."""
 
 
 @dataclass(slots=True)
