@@ -59,26 +59,15 @@ class Finding:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_robot_options(parser)
-    parser.add_argument(
-        "--scenario",
-        dest="control.scenario",
-        metavar="NAME",
-        help="control.scenario: check that the robot stands clear of its obstacles, and that the "
-        "lidar agrees with its map",
+    text = (
+        "control.scenario: check that the robot stands clear of its obstacles, and that the "
+        "lidar agrees with its map"
     )
-    parser.add_argument(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        default=2.0,
-        help="how long to watch the telemetry [s] (default: 2)",
-    )
-    parser.add_argument(
-        "--model",
-        dest="control.model",
-        metavar="FILE",
-        help="control.model: whether this model suits the robot",
-    )
+    parser.add_argument("--scenario", dest="control.scenario", metavar="NAME", help=text)
+    text = "how long to watch the telemetry [s] (default: 2)"
+    parser.add_argument("--seconds", type=positive, metavar="S", default=2.0, help=text)
+    text = "control.model: whether this model suits the robot"
+    parser.add_argument("--model", dest="control.model", metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -23,12 +23,11 @@ from kmpc_lite.cli.command import Command
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
-    parser.add_argument(
-        "robot",
-        nargs="?",
-        help="robot file whose safety.socket names the bridge (default: every bridge of "
-        "yours and of the service)",
+    text = (
+        "robot file whose safety.socket names the bridge (default: every bridge of "
+        "yours and of the service)"
     )
+    parser.add_argument("robot", nargs="?", help=text)
     what = parser.add_mutually_exclusive_group()
     for option, word, text in (
         ("--reset", "reset", "clear the stop; the robot stays still"),

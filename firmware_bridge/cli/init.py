@@ -61,19 +61,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     names = templates()
     add("robot", choices=names, metavar="robot", help=f"one of {', '.join(names)}")
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("robot.toml"),
-        metavar="FILE",
-        help="robot file to write (default: robot.toml)",
-    )
-    add(
-        "--link",
-        metavar="URL",
-        help="the robot's link (default: the only serial port that is plugged in, else an example)",
-    )
+    text = "robot file to write (default: robot.toml)"
+    add("-o", "--output", type=Path, default=Path("robot.toml"), metavar="FILE", help=text)
+    text = "the robot's link (default: the only serial port that is plugged in, else an example)"
+    add("--link", metavar="URL", help=text)
     add("--force", action="store_true", help="overwrite an existing file")
 
 

@@ -16,24 +16,15 @@ HOST, PORT = "127.0.0.1", 8764
 def add_live_options(parser: argparse.ArgumentParser) -> None:
     """Add what `live_address` reads."""
     add = parser.add_argument_group("watch and stop it in a browser").add_argument
-    add(
-        "--live",
-        action="store_true",
-        help="serve a page with map, numbers and STOP to browsers of this computer; prints its "
-        "link",
+    text = "serve a page with map, numbers and STOP to browsers of this computer; prints its link"
+    add("--live", action="store_true", help=text)
+    text = f"--live at this port (default: {PORT}; 0: any that is free)"
+    add("--live-port", type=port, metavar="PORT", help=text)
+    text = (
+        "--live at this address, 0.0.0.0 for all: other computers and phones of the network\n"
+        f"then need the token in the link (default: {HOST})"
     )
-    add(
-        "--live-port",
-        type=port,
-        metavar="PORT",
-        help=f"--live at this port (default: {PORT}; 0: any that is free)",
-    )
-    add(
-        "--live-host",
-        metavar="HOST",
-        help="--live at this address, 0.0.0.0 for all: other computers and phones of the network\n"
-        f"then need the token in the link (default: {HOST})",
-    )
+    add("--live-host", metavar="HOST", help=text)
 
 
 def port(text: str) -> int:

@@ -42,28 +42,12 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
 
 def add_limits(add: Add) -> None:
     """Add what the robot may do, and any other key of a robot file."""
-    add(
-        "--v-max",
-        "--max-speed",
-        dest="limits.v_max",
-        type=float,
-        metavar="V",
-        help="limits.v_max and v_reverse [m/s] (default: 0.3, slow on purpose)",
-    )
-    add(
-        "--omega-max",
-        dest="limits.omega_max",
-        type=float,
-        metavar="OMEGA",
-        help="limits.omega_max [rad/s] (default: 0.8)",
-    )
-    add(
-        "--max-acceleration",
-        dest="limits.acceleration",
-        type=float,
-        metavar="A",
-        help="limits.acceleration [m/s^2], and angular_acceleration: 4 A [rad/s^2]",
-    )
+    text = "limits.v_max and v_reverse [m/s] (default: 0.3, slow on purpose)"
+    add("--v-max", "--max-speed", dest="limits.v_max", type=float, metavar="V", help=text)
+    text = "limits.omega_max [rad/s] (default: 0.8)"
+    add("--omega-max", dest="limits.omega_max", type=float, metavar="OMEGA", help=text)
+    text = "limits.acceleration [m/s^2], and angular_acceleration: 4 A [rad/s^2]"
+    add("--max-acceleration", dest="limits.acceleration", type=float, metavar="A", help=text)
     add(
         "--geofence",
         dest="safety.geofence",
@@ -76,14 +60,11 @@ def add_limits(add: Add) -> None:
     where = "serial:PATH, pty:PATH, tcp:HOST:PORT, udp:HOST:PORT"
     _add(add, "--lidar-link", "lidar.link", where, metavar="URL")
     _add(add, "--socket", "safety.socket", "path of the emergency stop's socket", metavar="PATH")
-    add(
-        "--set",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE",
-        help="any other key of a robot file, in TOML: board.rate=50; of kmpc run also an option "
-        "of the\ncontroller: margins.headway=0.2",
+    text = (
+        "any other key of a robot file, in TOML: board.rate=50; of kmpc run also an option "
+        "of the\ncontroller: margins.headway=0.2"
     )
+    add("--set", action="append", default=[], metavar="SECTION.KEY=VALUE", help=text)
 
 
 def _add(add: Add, flag: str, key: str, text: str, **more: Any) -> None:
@@ -115,23 +96,17 @@ def add_course_options(add: Add) -> None:
     """Add the model that plans, when a goal counts as held, and where the drive is recorded."""
     learned = "learned model (kmpc fit); default: the nominal unicycle"
     add("--model", dest="control.model", metavar="FILE", help=learned)
-    add(
-        "--trust-model",
-        dest="control.trust_model",
-        action="store_true",
-        default=None,
-        help="drive even if the model has another vehicle or period, or was learned from slower "
-        "driving",
+    text = (
+        "drive even if the model has another vehicle or period, or was learned from slower driving"
     )
+    add("--trust-model", dest="control.trust_model", action="store_true", default=None, help=text)
     held = "how long the goal must be held [s] (default: 1)"
     add("--settle", type=positive, metavar="S", default=1.0, help=held)
-    add(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
-        "drive.csv, and what went over the link",
+    text = (
+        "new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
+        "drive.csv, and what went over the link"
     )
+    add("--record", type=Path, metavar="DIR", help=text)
 
 
 def read_robot(options: argparse.Namespace) -> Robot:

@@ -30,47 +30,28 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
     add_drive_options(parser)
     add = parser.add_argument
-    add(
-        "--output",
-        required=True,
-        metavar="NAME",
-        help="record to NAME.csv, and of an autopilot to NAME.tlog",
-    )
+    text = "record to NAME.csv, and of an autopilot to NAME.tlog"
+    add("--output", required=True, metavar="NAME", help=text)
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument(
         "--by-hand", action="store_true", help="a pilot drives; nothing is sent to the robot"
     )
-    how.add_argument(
-        "--excite",
-        action="store_true",
-        help="drive at random inside the geofence: ahead and back, left and right",
+    text = "drive at random inside the geofence: ahead and back, left and right"
+    how.add_argument("--excite", action="store_true", help=text)
+    text = "length of the recording [s] (default: 300)"
+    add("--seconds", type=positive, metavar="S", default=300.0, help=text)
+    text = (
+        "with --excite: how long to wait for the vehicle before it drives [s] (default: as "
+        "--seconds)"
     )
-    add(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        default=300.0,
-        help="length of the recording [s] (default: 300)",
+    add("--wait", type=positive, metavar="S", help=text)
+    text = (
+        "how long a random command is held [s] (default: as long as the robot takes to answer "
+        "and to change its speed)"
     )
-    add(
-        "--wait",
-        type=positive,
-        metavar="S",
-        help="with --excite: how long to wait for the vehicle before it drives [s] (default: as "
-        "--seconds)",
-    )
-    add(
-        "--hold",
-        type=positive,
-        metavar="S",
-        help="how long a random command is held [s] (default: as long as the robot takes to answer "
-        "and to change its speed)",
-    )
-    add(
-        "--until-covered",
-        action="store_true",
-        help="with --excite: end as soon as the log shows all that a model needs",
-    )
+    add("--hold", type=positive, metavar="S", help=text)
+    text = "with --excite: end as soon as the log shows all that a model needs"
+    add("--until-covered", action="store_true", help=text)
     add("--seed", type=int, default=0, help="seed of the random commands (default: 0)")
 
 

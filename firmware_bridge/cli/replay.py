@@ -16,18 +16,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
     add("log", help="NAME.tlog")
-    add(
-        "--csv",
-        metavar="FILE",
-        help="write the poses and measured speeds as a log for kmpc fit",
-    )
-    add(
-        "--period",
-        type=positive,
-        metavar="S",
-        default=0.1,
-        help="time between the CSV's rows [s] (default: 0.1)",
-    )
+    add("--csv", metavar="FILE", help="write the poses and measured speeds as a log for kmpc fit")
+    text = "time between the CSV's rows [s] (default: 0.1)"
+    add("--period", type=positive, metavar="S", default=0.1, help=text)
     add("--system", type=int, default=1, help="MAVLink id of the vehicle (default: 1)")
 
 

@@ -48,13 +48,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--radius", type=positive, metavar="R", help="of the robot [m] (default: the model's)")
     add("--seconds", type=positive, metavar="S", help="end after this time of driving [s]")
     add("--timeout", type=positive, default=10.0, metavar="S", help="to wait for odometry [s]")
-    add(
-        "--ros-args",
-        nargs=argparse.REMAINDER,
-        default=[],
-        metavar="...",
-        help="ROS arguments, last: -p scans:=/front/scan -r cmd_vel:=/drive -r __ns:=/robot",
-    )
+    text = "ROS arguments, last: -p scans:=/front/scan -r cmd_vel:=/drive -r __ns:=/robot"
+    add("--ros-args", nargs=argparse.REMAINDER, default=[], metavar="...", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -37,46 +37,26 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_drive_options(parser)
     add = parser.add_argument
     add_course_options(add)
-    add(
-        "--rehearse",
-        action="store_true",
-        help="first drive with a model: at half speed, stopped if the model predicts no "
-        "better than the nominal robot; a model that has passed drives at full speed",
+    text = (
+        "first drive with a model: at half speed, stopped if the model predicts no "
+        "better than the nominal robot; a model that has passed drives at full speed"
     )
-    add(
-        "--scenario",
-        dest="control.scenario",
-        metavar="NAME",
-        help="scenario file, or the name of one that comes with kmpc_lite",
-    )
+    add("--rehearse", action="store_true", help=text)
+    text = "scenario file, or the name of one that comes with kmpc_lite"
+    add("--scenario", dest="control.scenario", metavar="NAME", help=text)
     add_goal_options(add, "on an empty map about the origin of the robot's frame")
-    add(
-        "--click",
-        action="store_true",
-        help="drive to where the map of the --live page is tapped, until Ctrl-C or --seconds",
-    )
+    text = "drive to where the map of the --live page is tapped, until Ctrl-C or --seconds"
+    add("--click", action="store_true", help=text)
     add_clearance(add)
-    add(
-        "--by-sight",
-        dest="control.map",
-        action="store_const",
-        const=False,
-        help="control.map = false: the controller ignores the scenario's obstacles, and drives "
-        "by the lidar alone",
+    text = (
+        "control.map = false: the controller ignores the scenario's obstacles, and drives "
+        "by the lidar alone"
     )
-    add(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        help=f"give up after this time of driving, or of waiting [s] (default: {DRIVE_TIME:g} a "
-        "goal)",
-    )
-    add(
-        "--wait",
-        type=positive,
-        metavar="S",
-        help="how long to wait for the vehicle before it drives [s] (default: as --seconds)",
-    )
+    add("--by-sight", dest="control.map", action="store_const", const=False, help=text)
+    text = f"give up after this time of driving, or of waiting [s] (default: {DRIVE_TIME:g} a goal)"
+    add("--seconds", type=positive, metavar="S", help=text)
+    text = "how long to wait for the vehicle before it drives [s] (default: as --seconds)"
+    add("--wait", type=positive, metavar="S", help=text)
     add_live_options(parser)
 
 

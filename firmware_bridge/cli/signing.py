@@ -16,12 +16,11 @@ from kmpc_lite.cli.command import Command
 
 def _add_key(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", help="file to write the key to; only its owner can read it")
-    parser.add_argument(
-        "--passphrase",
-        action="store_true",
-        help="derive the key from a passphrase, as ground stations do; it is prompted "
-        "for, or read from a pipe",
+    text = (
+        "derive the key from a passphrase, as ground stations do; it is prompted "
+        "for, or read from a pipe"
     )
+    parser.add_argument("--passphrase", action="store_true", help=text)
 
 
 def _key(options: argparse.Namespace) -> int:
@@ -54,6 +53,6 @@ COMMAND = Command(
             add_options=_add_key,
             run=_key,
             errors=(BridgeError,),
-        ),
+        )
     },
 )

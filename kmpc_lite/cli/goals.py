@@ -75,19 +75,13 @@ class PoseOption(argparse.Action):
 
 def add_goal_options(add: Callable[..., object], without: str) -> None:
     """Add where to drive; `without` says what is driven on without a scenario."""
-    add(
-        "--goal",
-        action=PoseOption,
-        repeated=True,
-        help="goal [m, m, rad, or degrees as 90deg] instead of the scenario's, repeated for a "
-        f"route;\nwithout a scenario, {without}",
+    text = (
+        "goal [m, m, rad, or degrees as 90deg] instead of the scenario's, repeated for a "
+        f"route;\nwithout a scenario, {without}"
     )
-    add(
-        "--route",
-        type=Path,
-        metavar="FILE",
-        help="the goals, one after the other: a CSV with columns x, y, theta",
-    )
+    add("--goal", action=PoseOption, repeated=True, help=text)
+    text = "the goals, one after the other: a CSV with columns x, y, theta"
+    add("--route", type=Path, metavar="FILE", help=text)
     add("--loop", action="store_true", help="begin anew after the last goal, until time is up")
 
 

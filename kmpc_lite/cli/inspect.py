@@ -22,12 +22,8 @@ SUSPICIOUS = 1
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_log_options(parser)
-    parser.add_argument(
-        "--plot",
-        type=Path,
-        metavar="FILE",
-        help="draw path and commands of the first log (.svg or .png)",
-    )
+    text = "draw path and commands of the first log (.svg or .png)"
+    parser.add_argument("--plot", type=Path, metavar="FILE", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -16,15 +16,10 @@ TURN_SHARE = 4.0
 
 def add_clearance(add: Callable[..., object]) -> None:
     """Add how close the robot may come."""
-    add(
-        "--clearance",
-        "--margin",
-        dest="margin",
-        type=number,
-        metavar="M",
-        help="distance to keep from obstacles beyond the radii [m]; the model's "
-        "uncertainty adds to it",
+    text = (
+        "distance to keep from obstacles beyond the radii [m]; the model's uncertainty adds to it"
     )
+    add("--clearance", "--margin", dest="margin", type=number, metavar="M", help=text)
 
 
 def drive_overrides(options: argparse.Namespace, tuning: Sequence[str]) -> DriveOverrides:

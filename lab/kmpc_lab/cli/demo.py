@@ -71,49 +71,27 @@ OWN_FILES = (
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add(
-        "--log",
-        type=Path,
-        metavar="FILE",
-        help="log of your robot, which is learned from and driven on a map for its speed\n"
-        "(default: a drive is recorded)",
+    text = (
+        "log of your robot, which is learned from and driven on a map for its speed\n"
+        "(default: a drive is recorded)"
     )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("out"),
-        metavar="DIR",
-        help="folder for log, model, run and report, in place of an earlier demo's (default: out)",
+    add("--log", type=Path, metavar="FILE", help=text)
+    text = "folder for log, model, run and report, in place of an earlier demo's (default: out)"
+    add("-o", "--output", type=Path, default=Path("out"), metavar="DIR", help=text)
+    text = (
+        "rover: an emulated ArduPilot rover behind a pseudo-terminal, as a real one would be "
+        "(default, where pymavlink is installed)\nsimulated: without a link"
     )
-    add(
-        "--robot",
-        choices=("rover", "simulated"),
-        help="rover: an emulated ArduPilot rover behind a pseudo-terminal, as a real one would be "
-        "(default, where pymavlink is installed)\nsimulated: without a link",
+    add("--robot", choices=("rover", "simulated"), help=text)
+    text = "length of the rover's random drive, which is learned from [s] (default: 50)"
+    add("--seconds", type=positive, metavar="S", default=50.0, help=text)
+    text = "seed of the rover's random driving and slip (default: 0)"
+    add("--seed", type=int, default=0, help=text)
+    text = (
+        "drive by sight alone: the rover carries a lidar, and no map is given\n"
+        f"({', '.join(LIDARS)}; default: {LIDAR})"
     )
-    add(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        default=50.0,
-        help="length of the rover's random drive, which is learned from [s] (default: 50)",
-    )
-    add(
-        "--seed",
-        type=int,
-        default=0,
-        help="seed of the rover's random driving and slip (default: 0)",
-    )
-    add(
-        "--lidar",
-        choices=LIDARS,
-        metavar="NAME",
-        nargs="?",
-        const=True,
-        help="drive by sight alone: the rover carries a lidar, and no map is given\n"
-        f"({', '.join(LIDARS)}; default: {LIDAR})",
-    )
+    add("--lidar", choices=LIDARS, metavar="NAME", nargs="?", const=True, help=text)
 
 
 def run(options: argparse.Namespace) -> int:

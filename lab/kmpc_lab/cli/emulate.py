@@ -38,52 +38,30 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
     add("robot", help="mavlink, ros2, or a robot file")
-    add(
-        "--link",
-        metavar="URL",
-        help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT (default: the robot file's)",
-    )
+    text = "pty:PATH, tcp:HOST:PORT or udp:HOST:PORT (default: the robot file's)"
+    add("--link", metavar="URL", help=text)
     add("--scenario", metavar="NAME", help="scenario whose start and floor are used")
-    add(
-        "--start",
-        nargs=3,
-        type=float,
-        metavar=("X", "Y", "THETA"),
-        help="pose at which the robot starts [m, m, rad]",
-    )
-    add(
-        "--physics",
-        choices=("slip", "mujoco"),
-        default="slip",
-        help="slip: a robot that slips at random (default)\n"
+    text = "pose at which the robot starts [m, m, rad]"
+    add("--start", nargs=3, type=float, metavar=("X", "Y", "THETA"), help=text)
+    text = (
+        "slip: a robot that slips at random (default)\n"
         "mujoco: the digital twin of a ROSbot 2, on mecanum wheels too, or of a car, among the "
-        "scenario's obstacles",
+        "scenario's obstacles"
     )
+    add("--physics", choices=("slip", "mujoco"), default="slip", help=text)
     add("--slip", type=float, help="mean slip ratio of the floor")
-    add(
-        "--turn-gain",
-        type=float,
-        metavar="SHARE",
-        help="share of a commanded turn that the robot makes",
-    )
+    text = "share of a commanded turn that the robot makes"
+    add("--turn-gain", type=float, metavar="SHARE", help=text)
     add("--seed", type=int, default=0, help="seed of the slip (default: 0)")
-    add(
-        "--lidar",
-        choices=LIDARS,
-        nargs="?",
-        const=True,
-        help="emulate a lidar, too, which sees the scenario's obstacles: the robot file's, or\n"
-        f"{', '.join(LIDARS)} (the rover's own sensors)",
+    text = (
+        "emulate a lidar, too, which sees the scenario's obstacles: the robot file's, or\n"
+        f"{', '.join(LIDARS)} (the rover's own sensors)"
     )
+    add("--lidar", choices=LIDARS, nargs="?", const=True, help=text)
     add("--lidar-link", metavar="URL", help="where it is served (default: the robot file's)")
     add("--pose", metavar="URL", help="emulate motion capture, too: send poses to udp:HOST:PORT")
-    add(
-        "--arm-after",
-        type=float,
-        metavar="S",
-        default=2.0,
-        help="time after boot without arming [s] (default: 2)",
-    )
+    text = "time after boot without arming [s] (default: 2)"
+    add("--arm-after", type=float, metavar="S", default=2.0, help=text)
     add("--seconds", type=positive, metavar="S", help="end after this time [s]")
     _add_topic_options(parser)
 
@@ -91,22 +69,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _add_topic_options(parser: argparse.ArgumentParser) -> None:
     """Add what only a robot behind ROS 2 topics has."""
     add = parser.add_argument_group("ros2").add_argument
-    add(
-        "--sees",
-        action="append",
-        choices=("map", "scan", "nothing"),
-        help="topics that show obstacles (default: map and scan); repeatable",
-    )
+    text = "topics that show obstacles (default: map and scan); repeatable"
+    add("--sees", action="append", choices=("map", "scan", "nothing"), help=text)
     add("--stamped", action="store_true", help="commands are TwistStamped")
     add("--drifts", action="store_true", help="odometry begins at zero; amcl_pose tells where")
     add("--use-sim-time", action="store_true", help="publish /clock, and stamp with it")
-    add(
-        "--ros-args",
-        nargs=argparse.REMAINDER,
-        default=[],
-        metavar="...",
-        help="ROS arguments, last: -r __ns:=/robot",
-    )
+    text = "ROS arguments, last: -r __ns:=/robot"
+    add("--ros-args", nargs=argparse.REMAINDER, default=[], metavar="...", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -21,39 +21,23 @@ if TYPE_CHECKING:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add(
-        "file",
-        type=Path,
-        metavar="run",
-        help="recorded drive: a folder or .mcap that --record wrote, or an .npz that kmpc simulate "
-        "-o wrote",
+    text = (
+        "recorded drive: a folder or .mcap that --record wrote, or an .npz that kmpc simulate "
+        "-o wrote"
     )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FILE",
-        help="page to write (default: the run's name with .html; report.html in a folder)",
-    )
+    add("file", type=Path, metavar="run", help=text)
+    text = "page to write (default: the run's name with .html; report.html in a folder)"
+    add("-o", "--output", type=Path, metavar="FILE", help=text)
     add("--model", type=Path, metavar="FILE", help="model of the run, to show how it was fitted")
-    add(
-        "--from",
-        dest="begin",
-        type=float,
-        metavar="S",
-        help="play from this time on [s]; of a long drive every step is then there",
-    )
+    text = "play from this time on [s]; of a long drive every step is then there"
+    add("--from", dest="begin", type=float, metavar="S", help=text)
     add("--to", dest="end", type=float, metavar="S", help="play to this time [s]")
     add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
-    add(
-        "--beside",
-        type=Path,
-        nargs="+",
-        default=[],
-        metavar="RUN",
-        help="more drives on the same map: the page plays them with it, and beside.png of "
-        "--pictures shows all",
+    text = (
+        "more drives on the same map: the page plays them with it, and beside.png of "
+        "--pictures shows all"
     )
+    add("--beside", type=Path, nargs="+", default=[], metavar="RUN", help=text)
 
 
 def run(options: argparse.Namespace) -> int:

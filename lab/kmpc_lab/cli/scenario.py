@@ -22,13 +22,11 @@ DEFAULT = "four_circles_1"
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     """Add what `read_scenario` reads."""
     add = parser.add_argument_group("scenario").add_argument
-    add(
-        "map",
-        nargs="?",
-        metavar="scenario",
-        help=f"scenario file (.toml), or the name of one that comes along: {_names()} "
-        f"(default: {DEFAULT})",
+    text = (
+        f"scenario file (.toml), or the name of one that comes along: {_names()} "
+        f"(default: {DEFAULT})"
     )
+    add("map", nargs="?", metavar="scenario", help=text)
     add("--scenario", metavar="NAME", help="the same, as an option")
     add_goal_options(add, "on an empty map")
     add("--start", action=PoseOption, help="start [m, m, rad, or degrees as 90deg]")
@@ -43,26 +41,13 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--slip", type=float, help="mean slip ratio: drawn in every period; lengthens motion")
     add_clearance(add)
-    add(
-        "--max-acceleration",
-        type=positive,
-        metavar="A",
-        help="fastest change of the speed [m/s^2], and of the turn rate: 4 A [rad/s^2]",
-    )
-    add(
-        "--set",
-        action="append",
-        default=[],
-        metavar="GROUP.OPTION=VALUE",
-        help="option of the controller, in TOML: margins.headway=0.2; repeatable",
-    )
+    text = "fastest change of the speed [m/s^2], and of the turn rate: 4 A [rad/s^2]"
+    add("--max-acceleration", type=positive, metavar="A", help=text)
+    text = "option of the controller, in TOML: margins.headway=0.2; repeatable"
+    add("--set", action="append", default=[], metavar="GROUP.OPTION=VALUE", help=text)
     add("--seed", type=int, help="seed of the slip and of the noise of poses")
-    add(
-        "--timeout",
-        type=float,
-        metavar="S",
-        help="longest drive to each goal [s]: robots that turn slowly need more",
-    )
+    text = "longest drive to each goal [s]: robots that turn slowly need more"
+    add("--timeout", type=float, metavar="S", help=text)
 
 
 def _names() -> str:

@@ -34,59 +34,33 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_scenario_options(parser)
     add = parser.add_argument_group("model, robot and controller").add_argument
-    add(
-        "--model",
-        type=Path,
-        metavar="FILE",
-        help="model that kmpc fit wrote (default: the nominal unicycle)",
+    text = "model that kmpc fit wrote (default: the nominal unicycle)"
+    add("--model", type=Path, metavar="FILE", help=text)
+    text = (
+        "slip: the scenario's slipping robot (default without a model, or with --slip)\n"
+        "learned: the robot of the model, noise and lag included (default with a model)"
     )
-    add(
-        "--plant",
-        choices=("slip", "learned"),
-        help="slip: the scenario's slipping robot (default without a model, or with --slip)\n"
-        "learned: the robot of the model, noise and lag included (default with a model)",
+    add("--plant", choices=("slip", "learned"), help=text)
+    text = "stages that the controller looks ahead (default: 20)"
+    add("--horizon", type=int, default=20, metavar="N", help=text)
+    text = "fastest speed, ahead and back [m/s] (default: 0.6, or what the model's log shows)"
+    add("--max-speed", type=positive, metavar="V", help=text)
+    add("--no-adaptation", action="store_true", help="do not correct the model while driving")
+    text = (
+        "SQP passes per step: 1 is real time, more converge (default: 1, or more where the "
+        "robot turns far in a period)"
     )
-    add(
-        "--horizon",
-        type=int,
-        default=20,
-        metavar="N",
-        help="stages that the controller looks ahead (default: 20)",
+    add("--iterations", type=int, metavar="N", help=text)
+    text = (
+        "give the controller the scans of a lidar with this reach [m] instead of the "
+        "obstacles; [lidar] of a scenario does the same"
     )
-    add(
-        "--max-speed",
-        type=positive,
-        metavar="V",
-        help="fastest speed, ahead and back [m/s] (default: 0.6, or what the model's log shows)",
-    )
-    add(
-        "--no-adaptation",
-        action="store_true",
-        help="do not correct the model while driving",
-    )
-    add(
-        "--iterations",
-        type=int,
-        metavar="N",
-        help="SQP passes per step: 1 is real time, more converge (default: 1, or more where the "
-        "robot turns far in a period)",
-    )
-    add(
-        "--lidar",
-        type=positive,
-        metavar="M",
-        help="give the controller the scans of a lidar with this reach [m] instead of the "
-        "obstacles; [lidar] of a scenario does the same",
-    )
+    add("--lidar", type=positive, metavar="M", help=text)
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
     add("--report", type=Path, metavar="FILE", help="report to write (.html)")
-    add(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit",
-    )
+    text = "folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit"
+    add("--record", type=Path, metavar="DIR", help=text)
     add_live_options(parser)
 
 

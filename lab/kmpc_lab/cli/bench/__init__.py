@@ -18,37 +18,22 @@ SHARED = ("--drives", "--tuning", "--only", "--picture", "--seconds", "--no-load
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add(
-        "--drives",
-        type=count,
-        metavar="N",
-        help=f"recorded drives of {STEPS} states (default: {DRIVES})",
-    )
+    text = f"recorded drives of {STEPS} states (default: {DRIVES})"
+    add("--drives", type=count, metavar="N", help=text)
     add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
-    add(
-        "--only",
-        nargs="+",
-        metavar="WORD",
-        help="time only contenders whose names contain one of these words",
-    )
+    text = "time only contenders whose names contain one of these words"
+    add("--only", nargs="+", metavar="WORD", help=text)
     add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
     what = parser.add_mutually_exclusive_group()
     for option, job in JOBS.items():
         what.add_argument(option, dest="job", action="store_const", const=option, help=job.text)
     what.add_argument("--beside", nargs="+", type=Path, metavar="FILE", help=BESIDE.text)
     what.add_argument("--loop", type=positive, metavar="HZ", help=LOOP.text)
-    add(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        help=f"with --loop: for how long [s] (default: {SECONDS:g})",
-    )
+    text = f"with --loop: for how long [s] (default: {SECONDS:g})"
+    add("--seconds", type=positive, metavar="S", help=text)
     add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
     add(
-        "--budget",
-        type=positive,
-        metavar="S",
-        help="with --loop: the controller's time_budget [s]",
+        "--budget", type=positive, metavar="S", help="with --loop: the controller's time_budget [s]"
     )
 
 
