@@ -14,10 +14,7 @@ from firmware import missing, run
 
 import kmpc_lite as kl
 
-TARGETS = {
-    "x86-64": ("cc", "qemu-x86_64"),
-    "aarch64": ("aarch64-linux-gnu-gcc", "qemu-aarch64"),
-}
+TARGETS = {"x86-64": ("cc", "qemu-x86_64"), "aarch64": ("aarch64-linux-gnu-gcc", "qemu-aarch64")}
 """Compiler and emulator."""
 ENTERED = re.compile(rb"^Trace \d+: 0x[0-9a-f]+ \[[0-9a-f]+/([0-9a-f]+)/")
 INSTRUCTION = re.compile(rb"^0x([0-9a-f]+):")

@@ -13,11 +13,7 @@ from firmware_bridge.options import bounded, check, from_table
 
 STEERING = ("wheelbase", "steering_angle", "steering_rate")
 """What a motor board must know of a car, too: ``[geometry]`` or ``wheels`` says it."""
-COLUMNS = {
-    "differential": ("v", "omega"),
-    "car": ("v", "curvature"),
-    "omni": ("v", "vy", "omega"),
-}
+COLUMNS = {"differential": ("v", "omega"), "car": ("v", "curvature"), "omni": ("v", "vy", "omega")}
 """Of the commands in a recorded CSV."""
 
 

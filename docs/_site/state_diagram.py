@@ -76,10 +76,7 @@ def arrow(start: str, end: str, label: str, both: bool) -> str:
     dx, dy = x2 - x1, y2 - y1
     length = math.hypot(dx, dy)
     # from the centre to the edge of a box in this direction
-    cut = min(
-        WIDTH / 2 / abs(dx) if dx else math.inf,
-        HEIGHT / 2 / abs(dy) if dy else math.inf,
-    )
+    cut = min(WIDTH / 2 / abs(dx) if dx else math.inf, HEIGHT / 2 / abs(dy) if dy else math.inf)
     aside_x, aside_y = (-ASIDE * dy / length, ASIDE * dx / length) if both else (0.0, 0.0)
     x1, y1, x2, y2 = (
         x1 + cut * dx + aside_x,

@@ -88,10 +88,7 @@ OWN = {
             options={"counts_per_turn": 1440.0},
         ),
         BoardEntry(
-            "onboard",
-            "Onboard",
-            "firmware_bridge.drivers.onboard:OnboardDriver",
-            encoders=False,
+            "onboard", "Onboard", "firmware_bridge.drivers.onboard:OnboardDriver", encoders=False
         ),
     )
 }

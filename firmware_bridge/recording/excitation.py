@@ -192,10 +192,7 @@ class Excitation:
             self._until = -math.inf
             self._queue.clear()
             place = Place(x, y, state.theta, half)
-            gain = min(
-                TURN_GAIN,
-                TURN_SHARE * CAUTION / self.reaction,
-            )
+            gain = min(TURN_GAIN, TURN_SHARE * CAUTION / self.reaction)
             v, omega, vy = self._ways.back(place, signs[0], self.largest, gain, not was)
             return VelocityCommand(v, omega, now, vy)
         if self._dash_at < math.inf and (was or now >= self._dash_at):

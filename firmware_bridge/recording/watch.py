@@ -47,12 +47,7 @@ class DriveWatch:
         Somebody else drives: the measured speeds stand in for the commands, and nothing is judged.
     """
 
-    def __init__(
-        self,
-        period: float,
-        limits: Limits,
-        by_hand: bool = False,
-    ) -> None:
+    def __init__(self, period: float, limits: Limits, by_hand: bool = False) -> None:
         self._period, self._by_hand = period, by_hand
         largest = max(limits.v_max, limits.v_reverse), limits.omega_max, limits.sideways
         self._meter = AnswerMeter(period, largest)

@@ -49,9 +49,7 @@ class Ros2Options:
             raise ConfigError(f"scan_mount: expected [x, y, theta], got {self.scan_mount!r}")
 
 
-def read_parameters(
-    given: Mapping[str, Any],
-) -> tuple[Ros2Options, dict[str, dict[str, Any]]]:
+def read_parameters(given: Mapping[str, Any]) -> tuple[Ros2Options, dict[str, dict[str, Any]]]:
     """Read ROS parameters: the node's own, and those that are keys of a robot file.
 
     Examples

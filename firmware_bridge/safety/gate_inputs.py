@@ -146,11 +146,7 @@ class LostPose:
         self._good: tuple[float, float] | None = None
 
     def strayed(
-        self,
-        gate: GateState,
-        state: State | None,
-        status: LinkStatus,
-        reasons: tuple[Reason, ...],
+        self, gate: GateState, state: State | None, status: LinkStatus, reasons: tuple[Reason, ...]
     ) -> bool:
         """Take a step's inputs; tell whether the pose came back too far from where it was lost."""
         if gate not in DRIVING:

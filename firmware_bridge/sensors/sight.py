@@ -152,11 +152,7 @@ def compose(poses: Array, mount: Pose) -> Array:
     x, y, turn = mount
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     return np.column_stack(
-        [
-            poses[:, 0] + cos * x - sin * y,
-            poses[:, 1] + sin * x + cos * y,
-            poses[:, 2] + turn,
-        ]
+        [poses[:, 0] + cos * x - sin * y, poses[:, 1] + sin * x + cos * y, poses[:, 2] + turn]
     )
 
 

@@ -86,12 +86,7 @@ class Examiner:
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:
         if not self._tightens:
             return None
-        return Margins(
-            motion,
-            self._units,
-            self._options.margins,
-            adapted=adapted,
-        )
+        return Margins(motion, self._units, self._options.margins, adapted=adapted)
 
     def _learned_capabilities(self, base: KoopmanModel) -> Capabilities:
         if self._learned is None or self._learned[0] is not base:

@@ -262,11 +262,7 @@ def _margins(controller: Controller) -> dict[str, Any]:
         return (
             _tube(noise)
             | dict.fromkeys((*none, "step_quantile"), 0)
-            | {
-                "position_errors": errors,
-                "heading_errors": errors,
-                "command_noise": factors,
-            }
+            | {"position_errors": errors, "heading_errors": errors, "command_noise": factors}
         )
     felt = margins.calm
     return _tube(felt.tube) | {

@@ -91,11 +91,7 @@ def _tell_repeats(log: Log, dt: float, rows: Array, asked: Array) -> list[str]:
 
 
 def _tell_jumps(
-    log: Log,
-    rows: Array,
-    size: Array,
-    asked: float,
-    named: tuple[str, str],
+    log: Log, rows: Array, size: Array, asked: float, named: tuple[str, str]
 ) -> list[str]:
     """A line on steps between new poses that are far larger than all others and than asked."""
     steps = np.diff(log.poses.time[rows])

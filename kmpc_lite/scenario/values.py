@@ -67,10 +67,7 @@ def at_least_zero(most: float = LARGEST_NUMBER, zero: bool = True) -> Read:
 
 
 def numbers(
-    count: int | None = None,
-    sign: str = "",
-    empty: Any = ...,
-    most: float = LARGEST_NUMBER,
+    count: int | None = None, sign: str = "", empty: Any = ..., most: float = LARGEST_NUMBER
 ) -> Read:
     """Read a list of so many numbers, all of them ">= 0" or "> 0"; what an empty one means."""
 

@@ -262,8 +262,7 @@ def make_readers(folder: Path) -> dict[str, Reader]:
             kl.OccupancyGrid.load,
         ),
         "plain map": Reader(
-            {"map.yaml": MAP.encode(), "map.pgm": b"P2\n12 10 255\n" + plain},
-            kl.OccupancyGrid.load,
+            {"map.yaml": MAP.encode(), "map.pgm": b"P2\n12 10 255\n" + plain}, kl.OccupancyGrid.load
         ),
         "robot": Reader({"robot.toml": ROBOT.encode()}, _robot),
         "tlog": Reader({"drive.tlog": _tlog()}, lambda path: replay(path, None, 0.1, 1)),

@@ -23,14 +23,7 @@ class Scripted:
         command = np.array(self.commands[min(len(self.asked), len(self.commands) - 1)], dtype=float)
         self.asked.append((np.array(x), np.array(goal), np.array(obstacles)))
         states, inputs = np.tile(x, (4, 1)), np.tile(command, (3, 1))
-        return kl.Plan(
-            command,
-            states,
-            inputs,
-            kl.PlanStatus.SOLVED,
-            1,
-            {"total": self.seconds},
-        )
+        return kl.Plan(command, states, inputs, kl.PlanStatus.SOLVED, 1, {"total": self.seconds})
 
     def reset(self) -> None:
         self.resets += 1

@@ -7,13 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kmpc_lite.reading import (
-    MAX_TOML_VALUES,
-    open_regular,
-    parse_toml,
-    read_bytes,
-    text_lines,
-)
+from kmpc_lite.reading import MAX_TOML_VALUES, open_regular, parse_toml, read_bytes, text_lines
 
 
 @pytest.mark.parametrize("kind", ["device", "pipe", "socket", "folder", "missing", "zero", "half"])

@@ -149,9 +149,7 @@ def compare(given: argparse.Namespace) -> int:
     return 0
 
 
-def totals(
-    *named: tuple[str, dict[tuple[str, int], Line]] | Iterable[tuple[str, int]],
-) -> None:
+def totals(*named: tuple[str, dict[tuple[str, int], Line]] | Iterable[tuple[str, int]]) -> None:
     """Counts of contacts and arrivals."""
     *files, keys = named
     for name, lines in files:  # type: ignore[misc]

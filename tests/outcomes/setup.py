@@ -173,7 +173,4 @@ class Row:
 
 def area(bounds: Sequence[float]) -> dict[str, tuple[float, float, float]]:
     """`x_min` and `x_max` of a problem in an area."""
-    return {
-        "x_min": (bounds[0], bounds[1], -np.inf),
-        "x_max": (bounds[2], bounds[3], np.inf),
-    }
+    return {"x_min": (bounds[0], bounds[1], -np.inf), "x_max": (bounds[2], bounds[3], np.inf)}

@@ -54,10 +54,7 @@ class MavlinkCore:
     """
 
     def __init__(
-        self,
-        options: MavlinkOptions,
-        write: Callable[[bytes], object],
-        wall_time: float,
+        self, options: MavlinkOptions, write: Callable[[bytes], object], wall_time: float
     ) -> None:
         self.options, self._write = options, write
         key, self._vehicle = options.read_key(), (options.system, options.component)

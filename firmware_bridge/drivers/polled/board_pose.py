@@ -65,11 +65,7 @@ class BoardPose:
         return finite and all(abs(w) <= fastest for w in self._geometry.from_channels(*speeds))
 
     def move(
-        self,
-        counts: tuple[float, ...],
-        speeds: tuple[float, ...],
-        stamp: float,
-        curvature: float,
+        self, counts: tuple[float, ...], speeds: tuple[float, ...], stamp: float, curvature: float
     ) -> bool:
         """Take counts and speeds [motor turns/s] in; False, without a move, where they jumped.
 

@@ -85,10 +85,7 @@ def both_brakes(first: Array, inputs: Array, step: Array, longest: int) -> Array
     """
     periods = float(np.ceil(sizes(first, step).max() - TINY))
     length = int(np.clip(periods, 1, longest))
-    brakes = (
-        straight_brakes(first, step, length),
-        brakes_along(first, inputs, step, length),
-    )
+    brakes = (straight_brakes(first, step, length), brakes_along(first, inputs, step, length))
     both = np.stack(brakes, axis=1).reshape(2 * len(first), length, -1)
     out: Array = np.concatenate([first.repeat(2, axis=0)[:, None], both], axis=1)
     return out

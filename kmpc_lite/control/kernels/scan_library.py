@@ -106,13 +106,7 @@ def follow(
 
 
 def told_beams(
-    ranges: Array,
-    along: Array,
-    counts: Bits,
-    mount: Array,
-    least: float,
-    most: float,
-    own: float,
+    ranges: Array, along: Array, counts: Bits, mount: Array, least: float, most: float, own: float
 ) -> tuple[Bits, Bits, Array, Array]:
     """Tell what each beam of a scan says.
 

@@ -47,12 +47,7 @@ class Noise(NamedTuple):
 
 
 def tube_margins(
-    noise: Noise,
-    by_x: Array,
-    states: Array,
-    inputs: Array,
-    normals: Array,
-    path_clearance: Array,
+    noise: Noise, by_x: Array, states: Array, inputs: Array, normals: Array, path_clearance: Array
 ) -> Array:
     """Margins (N, K) of stages 1 to N [m].
 

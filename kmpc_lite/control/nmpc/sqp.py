@@ -25,13 +25,7 @@ from kmpc_lite.control.nmpc.qp_solvers import (
     choose_solver,
 )
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
-from kmpc_lite.control.options import (
-    OSQPOptions,
-    SolverOptions,
-    StepOptions,
-    fastest,
-    unit_length,
-)
+from kmpc_lite.control.options import OSQPOptions, SolverOptions, StepOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.task import Task

@@ -185,9 +185,7 @@ def drivable_speeds(model: MotionModel, problem: NavigationProblem) -> Array:
     bounds = np.array([held[0, 0], -held[1, 0], held[2, -1], -held[3, -1]])
     # rounding must not decide between two paths that are equally quick
     speeds = np.where(
-        signed > (1.0 - ROUNDING) * bounds,
-        bounds,
-        np.maximum(signed, LEAST_SPEED_SHARE * bounds),
+        signed > (1.0 - ROUNDING) * bounds, bounds, np.maximum(signed, LEAST_SPEED_SHARE * bounds)
     )
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
 
@@ -221,10 +219,7 @@ def speed_shares(model: MotionModel, problem: NavigationProblem) -> tuple[float,
     ahead, _, turn = drivable_speeds(model, problem).tolist()
     u_min, u_max, _, _ = problem.bounds
     fastest, quickest = float(u_max[0]), float(min(u_max[-1], -u_min[-1]))
-    return (
-        ahead / fastest if fastest > 0.0 else 1.0,
-        turn / quickest if quickest > 0.0 else 1.0,
-    )
+    return (ahead / fastest if fastest > 0.0 else 1.0, turn / quickest if quickest > 0.0 else 1.0)
 
 
 def clearance_at_speed(problem: NavigationProblem, margins: Margins) -> float:

@@ -14,19 +14,10 @@ from heapq import heapify, heappop, heappush
 
 import numpy as np
 
-from kmpc_lite.control.options import (
-    GuidanceOptions,
-    lengths_from_radii,
-    unit_length,
-)
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii, unit_length
 
 # here, for no step has time to import its image filters
-from kmpc_lite.control.path.distance_grid import (
-    DistanceGrid,
-    Extent,
-    MapField,
-    Ways,
-)
+from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapField, Ways
 from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.path.price import (
     extra_time,

@@ -34,10 +34,7 @@ def switching_time(path: GeometricPath, request: PathRequest, options: GuidanceO
 
 
 def lost_time(
-    path: GeometricPath,
-    clearance: float,
-    request: PathRequest,
-    landmarks: Array,
+    path: GeometricPath, clearance: float, request: PathRequest, landmarks: Array
 ) -> float:
     """Time that was lost on paths like this one [s]."""
     return sum(

@@ -34,12 +34,7 @@ BEHIND = 1.5
 """How far behind its middle a cluster must have been free, too, in cells: a wall is none."""
 
 
-def clusters(
-    scan: LaserScan,
-    pose: Array,
-    robot: float,
-    largest: float = LARGEST,
-) -> Array:
+def clusters(scan: LaserScan, pose: Array, robot: float, largest: float = LARGEST) -> Array:
     """Circles (N, 5) at rest of the small things that stand free in a scan (`kernels.clusters`).
 
     Parameters

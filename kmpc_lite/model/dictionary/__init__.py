@@ -1,11 +1,6 @@
 """Dictionaries: how a pose is lifted, and which commands enter the bilinear model; one a file."""
 
-from kmpc_lite.model.dictionary.base import (
-    MAX_LAG,
-    MAX_SIZE,
-    Dictionary,
-    dictionary_to_config,
-)
+from kmpc_lite.model.dictionary.base import MAX_LAG, MAX_SIZE, Dictionary, dictionary_to_config
 from kmpc_lite.model.dictionary.config import dictionary_from_config
 from kmpc_lite.model.dictionary.hermite import HermiteTrigDictionary
 from kmpc_lite.model.dictionary.input_history import InputHistoryDictionary

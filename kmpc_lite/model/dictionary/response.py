@@ -18,12 +18,7 @@ import numpy as np
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, LiftedAsBase, dictionary_to_config
 from kmpc_lite.model.dictionary.curvature import held_curvatures
-from kmpc_lite.model.dictionary.terms import (
-    LINEAR,
-    differentiate_terms,
-    evaluate_terms,
-    terms_of,
-)
+from kmpc_lite.model.dictionary.terms import LINEAR, differentiate_terms, evaluate_terms, terms_of
 from kmpc_lite.types import INPUTS, Array
 
 WITHIN = (0.5, 0.5)

@@ -73,10 +73,7 @@ def course_for(learned: Learned, data: kl.Dataset, scenario: Scenario) -> OwnCou
     back = driven["reverse"] if driven["reverse"] > REVERSES * fastest else 0.0
     wheels = _wheels(data, back > 0.0)
     problem = kl.NavigationProblem(
-        dt=data.dt,
-        u_min=(-back, -turn),
-        u_max=(fastest, turn),
-        wheels=wheels,
+        dt=data.dt, u_min=(-back, -turn), u_max=(fastest, turn), wheels=wheels
     )
     by = _enlargement(learned, problem, scenario)
     ideal = by * math.dist(scenario.start[:2], scenario.goal[:2]) / fastest + math.pi / turn

@@ -44,10 +44,7 @@ class AcadosController:
     """
 
     def __init__(
-        self,
-        model: KoopmanModel,
-        problem: NavigationProblem | None = None,
-        obstacles: int = 4,
+        self, model: KoopmanModel, problem: NavigationProblem | None = None, obstacles: int = 4
     ) -> None:
         if problem is not None and problem.limits_changes:
             raise ProblemError(

@@ -128,9 +128,7 @@ class WatchedController:
 
 @contextmanager
 def shown(
-    watched: WatchedController,
-    scenario: Scenario,
-    page: LiveAddress | None,
+    watched: WatchedController, scenario: Scenario, page: LiveAddress | None
 ) -> Iterator[Callable[[str], None]]:
     """Show a simulated drive on a page while the context lasts.
 

@@ -15,14 +15,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from kmpc_lab.sim.plants.followers import (
-    STANDS,
-    CarPlant,
-    Chassis,
-    Follower,
-    OmniPlant,
-    Rollers,
-)
+from kmpc_lab.sim.plants.followers import STANDS, CarPlant, Chassis, Follower, OmniPlant, Rollers
 from kmpc_lite.control import Footprint, NavigationProblem
 from kmpc_lite.control.kernels.reeds_shepp import curves
 from kmpc_lite.control.kernels.twists import seen_from

@@ -45,15 +45,7 @@ QUICK = 2.0
 APART = 3.0
 """Least gap between circles [radii of the robot]: it can drive through all of them."""
 SLIP = 0.05
-COLUMNS = (
-    *DRIVES,
-    TIME,
-    LOST,
-    FEASIBLE,
-    JERK,
-    GAP,
-    Column("fastest", ".2f", mean_of("fastest")),
-)
+COLUMNS = (*DRIVES, TIME, LOST, FEASIBLE, JERK, GAP, Column("fastest", ".2f", mean_of("fastest")))
 
 
 def robot_of(name: str) -> Robot:

@@ -7,12 +7,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from firmware_bridge.integration.course import (
-    base_problem,
-    build_controller,
-    course,
-    load_model,
-)
+from firmware_bridge.integration.course import base_problem, build_controller, course, load_model
 from firmware_bridge.messages import STILL
 from firmware_bridge.robot_file import load_robot
 

@@ -29,19 +29,9 @@ for number in range(6):
     PARK.add(f"parks from beside its goal {number}", park, number, quick=number == 1)
 for number in range(2):
     PARK.add(
-        f"parks with noisy poses {number}",
-        park,
-        10 + number,
-        model="noise",
-        noise=(0.005, 0.02),
+        f"parks with noisy poses {number}", park, 10 + number, model="noise", noise=(0.005, 0.02)
     )
-    PARK.add(
-        f"parks although it lags {number}",
-        park,
-        12 + number,
-        model="lag",
-        body=LAGS,
-    )
+    PARK.add(f"parks although it lags {number}", park, 12 + number, model="lag", body=LAGS)
     PARK.add(
         f"parks although it lags, nominal model {number}",
         park,

@@ -114,11 +114,7 @@ for ramp in ((1.0, 1.0), (0.6, 0.8)):
     LAG.add(
         f"motors that follow in {ramp[0]:g} s by ramps, learned",
         lambda seed, body=body: on_map(
-            seed,
-            "open",
-            262,
-            body=body,
-            model=models.learned_body(body, 0.1, (0.6, 0.785)),
+            seed, "open", 262, body=body, model=models.learned_body(body, 0.1, (0.6, 0.785))
         ),
     )
 LAG.add(

@@ -89,17 +89,10 @@ MOVING.add(
     *[p for p in POSTS if abs(p[1]) > 0.5],
 )
 for number, (place, velocity) in enumerate(
-    (
-        ((-3.0, 0.05), (0.35, 0.0)),
-        ((-1.6, -1.5), (0.15, 0.25)),
-        ((0.5, 1.8), (-0.25, -0.3)),
-    )
+    (((-3.0, 0.05), (0.35, 0.0)), ((-1.6, -1.5), (0.15, 0.25)), ((0.5, 1.8), (-0.25, -0.3)))
 ):
     MOVING.add(
-        f"a robot is chased by a circle, {number}",
-        past,
-        (*place, 0.15, *velocity),
-        ends=MIDDLE,
+        f"a robot is chased by a circle, {number}", past, (*place, 0.15, *velocity), ends=MIDDLE
     )
     MOVING.add(
         f"a robot that lags is chased by a circle, {number}",

@@ -133,12 +133,7 @@ def drive_robot(seed: int, robot: Robot, number: int, family: str = "open") -> S
         if robot.footprint is None
         else {"footprint": robot.footprint}
     )
-    problem = {
-        "dt": robot.dt,
-        "u_min": (-bounds[0], -bounds[1]),
-        "u_max": bounds,
-        **shape,
-    }
+    problem = {"dt": robot.dt, "u_min": (-bounds[0], -bounds[1]), "u_max": bounds, **shape}
     return on_map(
         *(seed, family, number - 900_000 + 300, by),
         model=found,
@@ -193,13 +188,7 @@ RATES.add(
     ),
     quick=True,
 )
-RATES.add(
-    "horizon 10 at 10 Hz",
-    on_map,
-    "dense",
-    150,
-    problem={"horizon": 10},
-)
+RATES.add("horizon 10 at 10 Hz", on_map, "dense", 150, problem={"horizon": 10})
 RATES.add("horizon 40 at 10 Hz", on_map, "dense", 151, problem={"horizon": 40})
 RATES.add(
     "50 Hz with noisy poses left its goal",

@@ -50,11 +50,7 @@ class Sight:
     """
 
     def __init__(
-        self,
-        problem: NavigationProblem,
-        scale: Scale,
-        options: SightOptions,
-        reach: float,
+        self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
     ) -> None:
         unit = unit_length(problem)
         self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit

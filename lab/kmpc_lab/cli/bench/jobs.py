@@ -212,14 +212,10 @@ JOBS = {
         f"compare what the passes converge to with IPOPT, on {QUALITY_STEPS} states of each drive",
     ),
     "--fit": Job(
-        _fit,
-        (),
-        "measure time and memory of fitting 1,000,000 samples, and of a bare Gram product",
+        _fit, (), "measure time and memory of fitting 1,000,000 samples, and of a bare Gram product"
     ),
     "--install-acados": Job(
-        _install_acados,
-        (),
-        "fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop",
+        _install_acados, (), "fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop"
     ),
 }
 LOOP = Job(

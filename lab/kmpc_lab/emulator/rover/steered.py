@@ -15,11 +15,7 @@ SLOWEST = 0.1
 def tuned(turning_radius: float) -> dict[str, float]:
     """Parameters with which turn rates are what was asked, as docs/howto/boards.md says."""
     ahead = turning_radius / SLOWEST
-    return {
-        "MOT_SPD_SCA_BASE": SLOWEST,
-        "ATC_STR_RAT_FF": ahead,
-        "ATC_STR_RAT_P": 0.2 * ahead,
-    }
+    return {"MOT_SPD_SCA_BASE": SLOWEST, "ATC_STR_RAT_FF": ahead, "ATC_STR_RAT_P": 0.2 * ahead}
 
 
 class SteeredRover(RoverPhysics):

@@ -63,15 +63,7 @@ def _draw_bar(
 ) -> None:
     """Draw an error at a height, and write it beside; an infinite one is written in words."""
     colour, hatch = look
-    panel.barh(
-        y,
-        drawn,
-        height=0.92,
-        color=colour,
-        hatch=hatch,
-        edgecolor=INK,
-        linewidth=0.6,
-    )
+    panel.barh(y, drawn, height=0.92, color=colour, hatch=hatch, edgecolor=INK, linewidth=0.6)
     known = bool(np.isfinite(value))
     text = f"{value:.3g} {unit}" if known else "diverged"
     place = (value, y) if known else (0.0, y)
@@ -79,11 +71,5 @@ def _draw_bar(
         {} if known else {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
     )
     panel.annotate(
-        text,
-        place,
-        xytext=(4, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize=SMALL,
-        **over,
+        text, place, xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL, **over
     )
