@@ -13,7 +13,6 @@ import importlib
 import typing
 
 __version__ = "0.3.0.dev0"
-
 _IN_THE_LAB = {"DifferentialDrive", "generate_dataset"}
 _IN_THE_LAB |= {"bench", "peers", "report", "sim", "studies"}
 """Names and packages that moved to the distribution kmpc-lab."""

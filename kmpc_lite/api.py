@@ -87,7 +87,6 @@ __all__ = [
     "nominal_unicycle",
     "with_quantiles",
 ]
-
 _LATER = {
     "kmpc_lite.embedded": ("CompiledController", "CompiledPlan", "export"),
     "kmpc_lite.learn": (

@@ -22,7 +22,6 @@ MAX_TOML_VALUES = 2**19
 time."""
 MAX_KEY_PARTS = 8
 """Parts of the longest dotted key: the time that a key takes grows with their square."""
-
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _TOKENS = re.compile(
     rf"""\#[^\n]*+

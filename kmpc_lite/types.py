@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 """Any NumPy array; its shape and unit stand in the docstring of whoever takes or gives it."""
-
 STATES = 3
 """Length of a robot state ``(x [m], y [m], theta [rad])``."""
 INPUTS = 2

@@ -23,7 +23,6 @@ Look = Callable[["Moment"], tuple[list[Any], Any] | None]
 """What a robot sees: obstacles, and the scan among them, if any; None while it is blind."""
 Watcher = Callable[[Pose, Any, Any], None]
 """Receives each pose, its plan and its scan, in the thread that plans."""
-
 NO_OVERRIDES = DriveOverrides()
 HERE = (0.0, 0.0, 0.0)
 """About this an empty map is drawn if goals are clicked."""

@@ -8,7 +8,6 @@ from firmware_bridge.link.threaded import OnBytes, ThreadedTransport, Transport
 from firmware_bridge.link.url import LinkUrl
 
 __all__ = ["OnBytes", "Transport", "open_transport"]
-
 DEFAULT_BAUD = 115200
 
 

@@ -26,30 +26,24 @@ class Transport(Protocol):
 
     def start(self, on_bytes: OnBytes) -> None:
         """Open and start the I/O thread; raises LinkError if the first opening fails."""
-        ...
 
     def write(self, data: bytes) -> bool:
         """Queue one whole frame; a full queue drops its oldest. False if the link is down."""
-        ...
 
     @property
     def connected(self) -> bool:
         """Whether the port is open now."""
-        ...
 
     @property
     def counters(self) -> dict[str, int]:
         """`COUNTERS` since the start."""
-        ...
 
     @property
     def last_error(self) -> str:
         """Why the link last went down, in words; empty if it never did."""
-        ...
 
     def close(self) -> None:
         """Stop the thread and close the port; idempotent."""
-        ...
 
 
 class Port(Protocol):
@@ -57,19 +51,15 @@ class Port(Protocol):
 
     def fileno(self) -> int:
         """Descriptor to poll."""
-        ...
 
     def read(self) -> bytes:
         """Take a little of what has arrived, empty if nothing."""
-        ...
 
     def write(self, data: memoryview) -> int:
         """Bytes that the port took now, possibly 0."""
-        ...
 
     def close(self) -> None:
         """Give the descriptor back."""
-        ...
 
 
 class Endpoint:

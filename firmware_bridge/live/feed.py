@@ -15,7 +15,6 @@ PERIOD = 0.1
 """Between two packets [s]."""
 PATIENCE = 2.0
 """How long the page's process may take to say goodbye [s]."""
-
 Source = Callable[[], Packet]
 """Gives what is true now, from references that whoever drives has left; it must not wait."""
 

@@ -14,8 +14,6 @@ from firmware_bridge.wheels import TWO_SIDES, Wheels
 
 SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Of v and omega, one scenario after the other (paper, sec. V.B)."""
-
-
 FIRST_DELAY = 0.4
 """How late the robot is taken to answer until that is measured [s] ..."""
 CAUTION = 2.0

@@ -22,8 +22,6 @@ LATENESS = 0.3
 stopped for the lack of it."""
 POSE_GAP = 0.25
 """Poses farther apart [s] are not interpolated: the row is left out, and the episode ends."""
-
-
 HEADERS = {
     kind: (",".join(("t", "x", "y", "theta", *columns)) + "\n").encode()
     for kind, columns in COLUMNS.items()

@@ -15,15 +15,11 @@ from firmware_bridge.safety.limits import Limits
 Command = Speeds
 CAR = ', or a car, which cannot turn on the spot: robot.wheels = {kind = "car", ...}'
 """What else it may be if it does not turn."""
-
-
 WAYS = {
     "drive": "forward it goes back",
     "turn": "left it turns right",
     "drive sideways": "left it goes right",
 }
-
-
 EVERY = 1.0
 """How often it is judged [s]."""
 LIKENESS = 0.7

@@ -35,11 +35,9 @@ class Examiner(Observer, Protocol):
     @property
     def trouble(self) -> str:
         """Why the robot must be stopped, in words; else empty."""
-        ...
 
     def finish(self) -> dict[str, Any]:
         """What it has found, for JSON: `text` among it."""
-        ...
 
 
 class Restart:

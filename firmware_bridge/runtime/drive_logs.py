@@ -20,19 +20,15 @@ class Recorder(Observer, Protocol):
     @property
     def file(self) -> DurableFile[Any]:
         """Where to."""
-        ...
 
     def planned(self) -> None:
         """Take time for what was planned last: its command is on its way."""
-        ...
 
     def finish(self, report: dict[str, Any]) -> None:
         """Note how the drive ended."""
-        ...
 
     def close(self) -> None:
         """Write what waits, and close; idempotent."""
-        ...
 
 
 class DriveLogs:

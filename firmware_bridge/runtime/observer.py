@@ -21,7 +21,6 @@ class Observer(Protocol):
         `sent` tells whether v and omega went on the wire, `fresh` whether a plan went out for the
         first time.
         """
-        ...
 
 
 class Operator(Protocol):
@@ -29,11 +28,9 @@ class Operator(Protocol):
 
     def take(self) -> set[str]:
         """Give the requests since the last call: any of stop, reset, enable, confirm."""
-        ...
 
     def tell(self, state: GateState, why: tuple[str, ...], barred: str) -> None:
         """Learn what the gate is doing, what is wrong, and why `enable` would be refused."""
-        ...
 
 
 @dataclass(frozen=True)

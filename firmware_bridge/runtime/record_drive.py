@@ -39,15 +39,12 @@ class Covered(Protocol):
     @property
     def is_complete(self) -> bool:
         """Whether nothing is missing."""
-        ...
 
     def as_dict(self) -> Mapping[str, float]:
         """Share of each part."""
-        ...
 
     def advice(self) -> Sequence[str]:
         """What is missing, and how it is recorded."""
-        ...
 
 
 Meter = Callable[[list[list[Command]], tuple[float, float, float] | None], Covered]

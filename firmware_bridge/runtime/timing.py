@@ -115,7 +115,6 @@ class Stamped(Protocol):
     @property
     def stamp(self) -> float:
         """When, by `time.monotonic()` [s]."""
-        ...
 
 
 S = TypeVar("S", bound=Stamped)

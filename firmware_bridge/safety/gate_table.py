@@ -104,7 +104,6 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition(GateState.HOLDING, Event.HELD, GateState.RELEASED),
 )
 """The first match wins; what is not listed changes nothing."""
-
 BY_STATE = {state: tuple(t for t in TRANSITIONS if t.state is state) for state in GateState}
 """Transitions out of each state, in order."""
 DRIVING = frozenset({GateState.ACTIVE, GateState.STOPPING, GateState.HOLDING})

@@ -26,8 +26,6 @@ ROBOT = (
 """Commands of a robot, in the order in which the help shows them."""
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a desk, which the distribution kmpc-lab brings."""
-
-
 PROGRAM, SHARED = "kmpc", ("help", "json")
 """Options that every command takes: only the help of `kmpc` itself shows them."""
 ON_THE_ROBOT, DESK = "commands for a robot", "commands for a desk (kmpc-lab)"

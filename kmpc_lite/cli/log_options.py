@@ -17,8 +17,6 @@ LOGS = (
     "(rosbag2 folder, .mcap, .db3, .bag), ArduPilot .bin and .tlog, PX4 .ulg, TUM and EuRoC "
     "trajectories; or a folder of them"
 )
-
-
 _TEXTS = {
     "--columns": "columns of tables: t=stamp theta=yaw",
     "--topics": "topics of a bag, or messages of an autopilot: odom=/odom cmd=/cmd_vel",

@@ -13,8 +13,6 @@ from kmpc_lite.types import STATES, Array
 POSITION_LIMIT = 1e4
 """A pose, a goal or an obstacle farther out [m], or a faster speed [m/s, rad/s], is taken for a
 broken sensor."""
-
-
 EXPECTED = f"expected finite numbers, none beyond {POSITION_LIMIT:g}"
 """What is told of numbers that are not plausible."""
 

@@ -11,7 +11,6 @@ from kmpc_lite.types import Array
 
 ROUNDING = 1.0 + 1e-9
 """A change that is larger than allowed by less than this factor is the largest one allowed."""
-
 LONGEST_RAMP = 10.0
 """Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
 LITTLE = 1e-9

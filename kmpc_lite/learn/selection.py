@@ -63,8 +63,6 @@ BOTH_WAYS = 0.1
 """Share of a log that drives forward, and back, from which on it may show a gain for each."""
 RIDGE = 1e-9
 """Share of the scaled moments' diagonals that is added to them."""
-
-
 Ladder = dict[str, tuple[int, ...]]
 """Steps of ever more terms, by name."""
 

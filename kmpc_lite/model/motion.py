@@ -27,45 +27,36 @@ class MotionModel(Protocol):
     @property
     def dt(self) -> float:
         """Period."""
-        ...
 
     @property
     def inputs(self) -> int:
         """Numbers of a command, m."""
-        ...
 
     @property
     def history(self) -> int:
         """How many past commands it needs, L."""
-        ...
 
     @property
     def noise_model(self) -> NoiseModel | None:
         """Covariance of what it cannot explain."""
-        ...
 
     @property
     def info(self) -> Mapping[str, Any]:
         """What its fit remembered."""
-        ...
 
     def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Poses (..., 3) one period ahead of poses (..., 3) under commands (..., 2)."""
-        ...
 
     def rollout(self, x0: ArrayLike, inputs: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Poses (..., T + 1, 3) from a pose (..., 3) under commands (..., T, 2)."""
-        ...
 
     def linearize(
         self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None
     ) -> Linearization:
         """Predictions and Jacobians at many points at once."""
-        ...
 
     def noise(self, u: ArrayLike) -> Array:
         """Covariances (..., 3, 3) of the one-step residual for commands (..., 2)."""
-        ...
 
 
 UNMODELLED_DELAY = "unmodelled_delay"

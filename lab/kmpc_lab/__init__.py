@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario
 
 __version__ = "0.3.0.dev0"
-
 __all__ = [
     "DifferentialDrive",
     "IpoptController",
@@ -34,7 +33,6 @@ __all__ = [
     "write_pictures",
     "write_report",
 ]
-
 _WHERE = {
     "DifferentialDrive": "kmpc_lab.sim.plants.robots",
     "IpoptController": "kmpc_lab.peers.ipopt",

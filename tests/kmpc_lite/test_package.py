@@ -14,7 +14,6 @@ from packaging.utils import canonicalize_name
 import kmpc_lite as kl
 
 ROOT = Path(__file__).parents[2]
-
 NEEDED = "import numpy, scipy.sparse, osqp"
 
 

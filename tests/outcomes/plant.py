@@ -20,7 +20,6 @@ class Moves(Protocol):
 
     def drive(self, pose: Array, command: Array) -> Array:
         """Poses (n, 3) during one period from a pose (3,)."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from outcomes.setup import Row
 CHUNK, CHUNKS = 4, 12
 """Tasks that a worker takes at once, and after how many of those it is replaced: its memory, with
 the models that it has learned, stays flat."""
-
 Key = tuple[str, int, int]
 """Name of a row, seed, and number of the perturbation (0: none)."""
 

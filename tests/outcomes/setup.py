@@ -22,7 +22,6 @@ class Movers(Protocol):
 
     def at(self, time: float) -> Array:
         """Rows x, y, radius, vx, vy (M, 5) at a time [s]."""
-        ...
 
 
 @dataclass

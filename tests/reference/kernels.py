@@ -12,7 +12,6 @@ from kmpc_lite.control.kernels.tube import tube_margins
 
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5
 LEAST_DISTANCE = 1e-9
-
 LEAVES = 0.5
 """A motion leaves a thing if its clearance grows by this share of what is driven."""
 

@@ -29,7 +29,6 @@ STALLED = 0.2
 0.05 s at 57600 baud."""
 SIGNING_EPOCH = 1420070400
 """Signature time stamps count 10 us from 2015-01-01 UTC; this is that day in Unix time [s]."""
-
 LINK_ID = 75
 """Of our signatures: a station that shares the link, and our ids, counts its time stamps under
 another one, or a vehicle would take ours for old."""

@@ -13,7 +13,6 @@ SILENCE = 0.3
 """An acknowledgement that has not come after this long is lost: the command is sent again [s]."""
 REFUSED = 1.0
 """How long to wait before asking again what was refused for now [s]."""
-
 SendCommand = Callable[[int, Sequence[float], int], None]
 """Puts a COMMAND_LONG on the wire: command, parameters, confirmation."""
 

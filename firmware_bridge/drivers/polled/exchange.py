@@ -14,7 +14,6 @@ from firmware_bridge.link import Transport
 STRANGERS, STRANGERS_WITHIN = 5, 1.0
 """This many unsolicited replies within this many seconds: another program talks to the
 board. A reply that comes after its time-out is none of them, if it comes within this time."""
-
 MOST_LATE = 100
 """Questions given up whose replies may still come: more than there are in that time."""
 

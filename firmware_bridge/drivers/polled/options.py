@@ -33,12 +33,10 @@ class ServoOptions(Protocol):
     @property
     def servo_straight(self) -> float:
         """Steering straight."""
-        ...
 
     @property
     def servo_left(self) -> float:
         """Steering left as far as it goes."""
-        ...
 
 
 def servo_position(options: ServoOptions, share: float) -> float:

@@ -38,19 +38,15 @@ class Lidar(Protocol):
 
     def connect(self, timeout: float) -> None:
         """Open the link, start the sensor, wait for its first turn; LinkError without one."""
-        ...
 
     def sweep(self) -> Sweep | None:
         """Newest whole turn, None before the first."""
-        ...
 
     def health(self) -> LidarHealth:
         """What is known of the sensor."""
-        ...
 
     def close(self) -> None:
         """Stop the sensor and close the link; idempotent."""
-        ...
 
 
 class SerialLidar:

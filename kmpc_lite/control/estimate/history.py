@@ -16,7 +16,6 @@ from kmpc_lite.types import STATES, Array
 OLDEST_POSE, OLDEST_POSE_PERIODS = 2.0, 1000
 """Largest `pose_age` [s]: of an older pose nothing follows for the present one. The same in
 periods: each is rolled out in every step."""
-
 LATEST_ANSWER, LATEST_PERIODS = 0.6, (6, 30)
 """How late a robot may answer beyond what is known [s], and in periods from these to those."""
 

@@ -14,7 +14,6 @@ DIRECTIONS = 2048
 """Directions that are told apart all around: the beams of the finest scanner that is usual."""
 NOTHING = 1e-15
 """Keeps a quotient finite: what it is added to changes by less than rounding."""
-
 Bits = NDArray[np.bool_]
 Cells = NDArray[np.int8]
 Singles = NDArray[np.float32]

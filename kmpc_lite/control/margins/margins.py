@@ -35,7 +35,6 @@ from kmpc_lite.types import STATES, Array
 
 NOTHING = np.empty((STATES, 0))
 """Factors of a noise that there is none of."""
-
 FAR_CLEARANCE = 2 / 3
 """Margins are worked out for obstacles within the widest margin and this much more [radii]; for
 those farther away the widest margin is used."""

@@ -30,7 +30,6 @@ what its log never showed, and paths must end."""
 ONE_SIDED = 0.2
 """A robot that turns to one side by less than this share of its turn rate to the other is planned
 for by its own motions."""
-
 ROUNDING = 1e-6
 """Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
 turn, so that times are finite [m/s, rad/s]."""

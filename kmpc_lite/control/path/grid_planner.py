@@ -39,9 +39,7 @@ from kmpc_lite.types import Array
 UNFIT_COST = 1000.0
 """What a path costs on which a robot that is not round does not fit: it is driven if there is no
 other [s]."""
-
 NO_WAY = "no passage to the goal is wide enough"
-
 STEP = 0.5
 """Least distance between neighbours of the grid [radii]."""
 NODES = 40_000

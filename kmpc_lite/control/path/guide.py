@@ -50,7 +50,6 @@ NEAR_CUSP = 0.075
 """Distance from a change of gear at which the robot goes on in the other one [m]."""
 CENTRE_CHANGE = 0.001
 """Changes of the turning centre below this are ignored [m]."""
-
 CUSP_REACH = 0.012
 """How short of a change of gear a robot that follows poses goes on in the other one: what it is
 beside it, it cannot mend there [m]."""

@@ -27,7 +27,6 @@ pose."""
 CENTRE_SHARE = 1.0
 """A turning centre counts only where it explains this many times as much of the predicted motion as
 it leaves unexplained."""
-
 TINY = 1e-12
 """Variance of a turn that is none [rad^2]: rounding."""
 

@@ -39,8 +39,6 @@ from kmpc_lite.types import Array
 OVERSPEED = 1.25
 """A robot drives at most this many times as far as its commands say, if it is only decided whether
 to look more closely."""
-
-
 TURN_ALLOWANCE = 1 / 150
 """How much a slow turn on the spot may move a round robot towards a thing [radii]: it must always
 be able to turn free."""

@@ -20,8 +20,6 @@ from kmpc_lite.types import Array
 
 LEAST_CELL = 1e-4
 """Least side of a cell [m]: no sensor sees finer."""
-
-
 USUAL_THRESHOLD = 65.0
 """map_server's, of 100."""
 DOUBTFUL = 50.0

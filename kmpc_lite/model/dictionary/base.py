@@ -33,15 +33,12 @@ class Dictionary(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """One name for each lifted coordinate; ``"1"`` stands for the constant."""
-        ...
 
     def lift(self, x: Array) -> Array:
         """Lift states (..., 3) to (..., nz)."""
-        ...
 
     def jacobian(self, x: Array) -> Array:
         """Differentiate `lift` at states (..., 3): (..., nz, 3)."""
-        ...
 
     def expand(self, x: Array) -> Array:
         """Give `lift` and `jacobian` side by side in one array (..., nz, 1 + 3)."""

@@ -13,7 +13,6 @@ from kmpc_lite.types import INPUTS, Array
 ONE, PLAIN, SIZE, SQUARE, CUBE, SIGNED_SQUARE, SIGN = FACTORS = range(7)
 """Of a speed s: 1, s, |s|, s^2, s^3, s|s| and the sign of s. ``|s|`` is smoothed to ``s^2 /
 sqrt(s^2 + eps^2)``, which is even, and zero with its slope at zero; the sign is smoothed alike."""
-
 LINEAR = ("v", "omega")
 """Terms of a robot that does not slip."""
 _TERMS = {

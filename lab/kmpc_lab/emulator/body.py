@@ -33,7 +33,6 @@ class Floor(Protocol):
 
     def trace(self, x: Any, u: Any, dt: float, substeps: int) -> Any:
         """States (substeps, 3) during one period."""
-        ...
 
 
 class Body:

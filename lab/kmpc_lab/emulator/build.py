@@ -33,21 +33,17 @@ class Emulator(Protocol):
 
     def start(self, url: str) -> None:
         """Serve."""
-        ...
 
     @property
     def pose(self) -> tuple[float, float, float]:
         """True x, y [m], theta [rad]."""
-        ...
 
     @property
     def stopped(self) -> bool:
         """Whether it stands, or is commanded to."""
-        ...
 
     def close(self) -> None:
         """Stop serving."""
-        ...
 
 
 def build_emulator(

@@ -20,8 +20,6 @@ from pathlib import Path
 from kmpc_lite.errors import KmpcError
 
 WHEEL = "comma-deps-acados==0.2.2.post92"
-
-
 WHEEL_HASH = "sha256:fb317ea65c68d410e19b46f824c333203a097d02dac6fbbdc1f378c2b32b456f"
 """The one file that was tested: it brings programs that are run, so no other is installed."""
 

@@ -34,12 +34,9 @@ CAPTIONS = {
     ),
 }
 """Alternative text and caption of each picture."""
-
 MOVING_CAPTION = (
     " Moving obstacles are filled where they start and dotted where they are at the times in them."
 )
-
-
 UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|mrad|m|s|rad|m/s|rad/s|%)(?![\w]))")
 
 

@@ -34,11 +34,9 @@ LINES = (
     (INK, (0, (3, 1, 1, 1, 1, 1)), "P"),
 )
 """Colour, line style and marker of one series after the other."""
-
 WIDTH = 5.4
 """Of a picture [in]; at this width 10 pt letters are still legible where a phone shows it."""
 SMALL = 8.5
-
 _STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 10,

@@ -41,7 +41,6 @@ class Steps(Protocol):
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Any = ()) -> Plan:
         """Plan from a pose."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,6 @@ TABLE_1 = (
     *("NMPC, IPOPT", PAPERS, "ours, paper's formulation", "ours, paper's, integral fit", OURS),
 )
 SIGHTED = ("ours", "pursuit")
-
 STUDIES = {
     study.name: study
     for study in (

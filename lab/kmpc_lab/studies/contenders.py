@@ -141,7 +141,6 @@ TABLE_1_CONTENDERS = (
 """Rows of table 1."""
 STUDY_CONTENDERS = (*TABLE_1_CONTENDERS, UNADAPTED)
 """All that studies choose from."""
-
 PAPER_FORM = Contender("ours, RTI", "paper")
 BENCH_CONTENDERS = (
     PAPER_FORM,

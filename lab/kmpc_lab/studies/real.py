@@ -79,7 +79,6 @@ RECIPES = (
     Recipe("lags 0 1 2 3", (0, 1, 2, 3)),
     Recipe("lags 0 1 2 3, adapted", (0, 1, 2, 3), adapts=True),
 )
-
 COLUMNS = (
     *OF_ROBOTS,
     Column("margin ahead [m]", ".3f", mean_of("ahead")),

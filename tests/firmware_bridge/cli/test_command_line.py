@@ -16,8 +16,6 @@ def test_every_command_has_help_with_an_example(command, capsys):
 ROVER = "--driver mavlink --link pty:link"
 COURSE = f"{ROVER} --scenario course.toml"
 FENCE = "--geofence -.5 -.5 .5 .5"
-
-
 WRONG = [
     ("run", "link.url: missing"),
     ("run none.toml", "none.toml: cannot read the robot file"),

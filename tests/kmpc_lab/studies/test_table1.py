@@ -16,8 +16,6 @@ SLIPS = STUDIES["table1"].axes["slips"].values
 REST = ("ideal_seconds", "fastest", "jerk", "stopped", "fallback", "feasible", "step_p50")
 OTHERS = {**dict.fromkeys(REST, 1.0), "gear_changes": 0, "step_p99": 1.0, "ended": ""}
 DRIVE = DriveResult(True, False, 6.54, clearance=0.1, **OTHERS)
-
-
 FULL, PAPERS = "ours, everything on", "ours, paper's formulation"
 
 

@@ -63,7 +63,6 @@ BAD_LOGS: dict[str, tuple[Callable[[Rows], Rows], str]] = {
         "does not excite the model",
     ),
 }
-
 GOOD_SCENARIO = """\
 [map]
 bounds = [-2.0, -2.0, 2.0, 2.0]

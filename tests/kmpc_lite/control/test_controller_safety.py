@@ -23,7 +23,6 @@ CONTROLLERS = {
     "passes": kl.Controller(MODEL, PROBLEM, sqp_iterations=3),
     "hurried": kl.Controller(MODEL, PROBLEM, time_budget=1e-4),
 }
-
 wild = (
     st.floats()
     | st.floats(-3.0, 3.0)

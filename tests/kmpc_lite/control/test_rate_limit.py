@@ -27,7 +27,6 @@ CONTROLLERS = {
     "passes": kl.Controller(MODEL, WEAK, sqp_iterations=3),
     "hurried": kl.Controller(MODEL, WEAK, time_budget=1e-4),
 }
-
 wild = st.floats(-3.0, 3.0) | st.sampled_from([0.0, 1e4, 1e300, NAN, float("inf")])
 tame = st.floats(-2.0, 2.0)
 poses = st.tuples(tame, tame, tame) | st.tuples(wild, wild, wild)

@@ -13,7 +13,6 @@ from kmpc_lite.model.noise_sources import design, design_across
 LOGS = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"
 NEEDED = "needs the Norlab DRIVE logs in ../shared/data/norlab_drive"
 pytestmark = pytest.mark.skipif(not LOGS.is_dir(), reason=NEEDED)
-
 TRIG = kl.HermiteTrigDictionary(0)
 HISTORY = kl.InputHistoryDictionary(TRIG, lags=(1, 2, 3, 4), product=True)  # 50 to 200 ms
 ROBOTS = ("warthog", "husky")

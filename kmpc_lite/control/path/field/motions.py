@@ -44,21 +44,18 @@ class Motions(Protocol):
 
     def paced(self, twists: Array, times: Array) -> Array:
         """Times (S,) in which S motions (S, 3) can be driven one after the other, and kept to."""
-        ...
 
     def steering_times(self, twists: Array, times: Array, now: float | None) -> Array:
         """What steering takes (...) beside the times of motions (..., S, 3), from a curvature now.
 
         None if it is driven before them, nobody knows in which.
         """
-        ...
 
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Twists (n, W, S, 3) and times (n, W, S) of W ways to each of the poses (n, 3).
 
         From a pose (3,), obstacles aside; infinite times where a way does not lead there.
         """
-        ...
 
 
 class CarMotions:

@@ -26,7 +26,6 @@ PERIODS = 2.5
 """Fewest periods that scans may stay away: one may be late."""
 SCANNERS = 16
 """Most scanners that are remembered: one whose beams lie otherwise each time is new each time."""
-
 Scanner = tuple[tuple[float, float, float], Layout]
 """Where it is mounted, and how its beams lie: it may tell each half of its turn by itself."""
 

@@ -31,7 +31,6 @@ FAILSAFE_PERIOD = 0.1
 """Between looks at the failsafes [s]."""
 EKF_BAD = 1.0
 """The EKF fail-safe acts when the position has been bad for this long [s]."""
-
 log = logging.getLogger(__name__)
 
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
 """MAV_PARAM_TYPE"""
-
 DEFAULTS: dict[str, tuple[float, int]] = {
     "SYSID_THISMAV": (1, INT16),
     "SYSID_MYGCS": (255, INT16),

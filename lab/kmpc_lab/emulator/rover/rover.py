@@ -24,7 +24,6 @@ from kmpc_lab.emulator.rover.protocol import Protocol
 from kmpc_lab.emulator.rover.telemetry import Telemetry
 
 log = logging.getLogger(__name__)
-
 CHUNK = 50
 """Bytes of one STATUSTEXT."""
 LONGEST_CATCH_UP = 1.0

@@ -19,7 +19,6 @@ class Plant(Protocol):
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """States (substeps, 3) during one period."""
-        ...
 
 
 def scenario_plant(scenario: Scenario) -> Plant:

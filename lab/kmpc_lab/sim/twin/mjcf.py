@@ -15,7 +15,6 @@ HEIGHT = 0.30
 ROBOT_HITS, OBSTACLE = 1, 2
 """Bits of collision filtering: the robot meets obstacles; wheels meet the floor through pairs of
 their own."""
-
 _ROOM = """<mujoco model="{name}">
   <compiler angle="degree" inertiafromgeom="auto"/>
   <!-- implicitfast and an elliptic cone: sliding wheels neither chatter nor creep -->

@@ -105,7 +105,6 @@ class Driver(Protocol):
 
     def plan(self, pose: Array, ranges: Array) -> Plan:
         """Plan from a pose (3,) and ranges (BEAMS,)."""
-        ...
 
 
 class Ours:

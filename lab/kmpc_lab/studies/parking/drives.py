@@ -37,8 +37,6 @@ COLUMNS = (
     GAP,
 )
 """The ideal is the quickest curve of Reeds and Shepp, whatever is in its way."""
-
-
 KINDS_OF_CARS: dict[str, Callable[[DrawnCar], DrawnCar]] = {
     "open, forward only": lambda car: replace(car, reverse=False),
     "open, slow steering": lambda car: replace(car, steering_rate=STEERS / car.length),

@@ -23,7 +23,6 @@ PASSAGE = 0.08
 THICK = 0.1
 """Of a wall [m]."""
 ATTEMPTS = 200
-
 Random = np.random.Generator
 
 

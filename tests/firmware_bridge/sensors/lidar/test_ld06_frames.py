@@ -12,7 +12,6 @@ MANUAL = bytes.fromhex(
     "C7 00 E9 C5 00 E5 C2 00 E5 C0 00 E5 BE 82 3A 1A 50"
 )
 """Example of LDROBOT's development manual."""
-
 packets = st.builds(
     Ld06Packet,
     speed=st.integers(0, 65535),

@@ -19,7 +19,6 @@ MAP = (
 )
 WIDE = kl.NavigationProblem(x_min=(-9.0, -9.0, -np.inf), x_max=(9.0, 9.0, np.inf))
 TERMINAL = kl.NavigationProblem(Q_terminal=(20.0, 20.0, 2.0), margin=0.03)
-
 CASES = {
     "free": (kl.NavigationProblem(), (-1.45, 0.94, 2.48), GOAL, ()),
     "free, turning round": (kl.NavigationProblem(), (1.31, 0.95, -2.98), GOAL, ()),
@@ -50,7 +49,6 @@ CASES = {
         MAP,
     ),
 }
-
 PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
 """Straight for the goal, no margin but the problem's: what the certificate and IPOPT know."""
 

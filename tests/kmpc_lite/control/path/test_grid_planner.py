@@ -17,8 +17,6 @@ PROBLEM = kl.NavigationProblem()
 WIDE = 0.06
 """The clearance that is tried first [m]."""
 SPEED = np.array([0.6, 0.7])
-
-
 ASKED = partial(request, area=math.inf, turn=SPEED[1])
 
 
