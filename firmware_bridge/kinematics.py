@@ -59,10 +59,7 @@ class Geometry:
 
         Beyond the limit all are scaled, so that the curvature stays.
 
-        Raises
-        ------
-        ValueError
-            If a speed is not finite.
+        Raises ValueError if a speed is not finite.
         """
         if not all(map(math.isfinite, (v, omega, vy))):
             raise ValueError(f"expected finite speeds, got v = {v}, omega = {omega}, vy = {vy}")

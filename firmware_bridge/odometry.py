@@ -174,10 +174,7 @@ class Steering:
 
     Nothing is heard of a servo: it is taken to follow as fast as the robot file says.
 
-    Parameters
-    ----------
-    geometry : CarGeometry
-        Of the car.
+    `geometry`: of the car.
 
     Examples
     --------

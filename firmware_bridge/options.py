@@ -56,20 +56,9 @@ def three_numbers(values: object) -> tuple[float, float, float] | None:
 def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:
     """Build a dataclass from the section of a robot file.
 
-    Parameters
-    ----------
-    kind : type
-        A frozen dataclass whose fields are bool, int, float or str, or those or None; or Any, which
-        is checked where it is used.
-    table : mapping
-        The section.
-    section : str
-        Its name, for the messages.
-
-    Raises
-    ------
-    ConfigError
-        For a key that is missing, unknown, of another type, or out of range.
+    `kind`: a frozen dataclass whose fields are bool, int, float or str, or those or None; or Any,
+    which is checked where it is used. `table`: the section. `section`: its name, for the messages.
+    Raises ConfigError for a key that is missing, unknown, of another type, or out of range.
     """
     if not isinstance(table, Mapping):
         raise ConfigError(f"[{section}]: expected a table, got {table!r}")

@@ -171,17 +171,9 @@ def load_robot(
 ) -> Robot:
     """Read a robot file.
 
-    Parameters
-    ----------
-    path : path or None
-        None if all comes from the command line.
-    overrides : mapping
-        Sections and keys that replace those of the file; None as a value replaces nothing.
-
-    Raises
-    ------
-    ConfigError
-        Names file, section and key.
+    `path`: None if all comes from the command line. `overrides`: sections and keys that replace
+    those of the file; None as a value replaces nothing. Raises ConfigError: names file, section and
+    key.
     """
     where, table = ("command line", {}) if path is None else (str(path), _read(Path(path)))
     sections: dict[str, dict[str, Any]] = {}

@@ -45,26 +45,10 @@ def read_npz(
 
     No pickle, and of each array its checksum; nothing is unpacked before its size is known.
 
-    Parameters
-    ----------
-    path : path
-        The archive, a regular file.
-    wanted : collection of str
-        Which arrays to unpack, where the archive has them.
-    most : int
-        Memory that these may take together [bytes], numbers counted as float64.
-
-    Returns
-    -------
-    tuple
-        The arrays by name, and the names of all that are there.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    ValueError
-        For whatever is wrong with its content, in one line.
+    `path`: the archive, a regular file. `wanted`: which arrays to unpack, where the archive has
+    them. `most`: memory that these may take together [bytes], numbers counted as float64. Returns
+    the arrays by name, and the names of all that are there. Raises OSError if the file cannot be
+    read. Raises ValueError for whatever is wrong with its content, in one line.
     """
     try:
         with open_regular(path) as file, zipfile.ZipFile(_SmallReads(file)) as archive:
@@ -148,10 +132,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Symbolic links to it are followed. What is written lies beside it until then, under a name that
     cannot be predicted: a link planted there would lead to another's file.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written; nothing is left behind then.
+    Raises OSError if it cannot be written; nothing is left behind then.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():

@@ -24,15 +24,8 @@ def wrap(angle: Array) -> Array: ...
 def wrap(angle: float | Array) -> float | Array:
     """Bring angles into [-pi, pi) by whole turns.
 
-    Parameters
-    ----------
-    angle : float or Array
-        Any angle, or angles of any shape [rad].
-
-    Returns
-    -------
-    float or Array
-        The same angles, in [-pi, pi) [rad]; NaN where they are not finite.
+    `angle`: any angle, or angles of any shape [rad]. Returns the same angles, in [-pi, pi) [rad];
+    NaN where they are not finite.
 
     Examples
     --------
@@ -57,15 +50,7 @@ def nearest_turn(angle: float | Array) -> float | Array:
     A heading that counts its turns is brought near zero by subtracting them, and back by adding
     them; what is computed between does not change with the number of turns.
 
-    Parameters
-    ----------
-    angle : float or Array
-        Any finite angle, or angles of any shape [rad].
-
-    Returns
-    -------
-    float or Array
-        Multiples of 2 pi [rad].
+    `angle`: any finite angle, or angles of any shape [rad]. Returns multiples of 2 pi [rad].
 
     Examples
     --------
@@ -88,17 +73,8 @@ def rotate(
 ) -> tuple[float | Array, float | Array]:
     """Turn vectors counter-clockwise; of a robot's own axes, into the world's.
 
-    Parameters
-    ----------
-    x, y : float or Array
-        Components of the vectors [any unit].
-    heading : float or Array
-        Angle by which they turn [rad]; shapes broadcast.
-
-    Returns
-    -------
-    tuple of float or of Array
-        Components of the turned vectors.
+    `x`, `y`: components of the vectors [any unit]. `heading`: angle by which they turn [rad];
+    shapes broadcast. Returns components of the turned vectors.
 
     Examples
     --------
@@ -116,17 +92,9 @@ def rotate(
 def seen_along(differences: Array, headings: Array) -> Array:
     """Differences of poses along and across a heading, and of the heading.
 
-    Parameters
-    ----------
-    differences : Array
-        One pose minus another (..., 3) [m, m, rad].
-    headings : Array
-        Headings along which they are seen (...) [rad].
-
-    Returns
-    -------
-    Array
-        (..., 3): ahead [m], to the left [m], and the turn [rad] as it is.
+    `differences`: one pose minus another (..., 3) [m, m, rad]. `headings`: headings along which
+    they are seen (...) [rad]. Returns (..., 3): ahead [m], to the left [m], and the turn [rad] as
+    it is.
 
     Examples
     --------
@@ -155,21 +123,11 @@ def exact_arc(
     The chord of an arc lies half of the turn off the first heading, and is sinc(turn / 2) times
     as long as the arc.
 
-    Parameters
-    ----------
-    pose : tuple of float, or Array
-        Where the arcs begin: (x, y, theta), or an array (..., 3) [m, m, rad].
-    v, omega : float or Array
-        Forward speed [m/s] and turn rate [rad/s], of shapes that broadcast with pose[..., 0].
-    t : float or Array
-        Time on the arc [s]; shapes broadcast.
-    left : float or Array
-        Speed to the left [m/s], of a robot that slips sideways.
-
-    Returns
-    -------
-    tuple of float, or Array
-        Poses at the end, as `pose` was given: (x, y, theta), or (..., 3) of all shapes broadcast.
+    `pose`: where the arcs begin: (x, y, theta), or an array (..., 3) [m, m, rad]. `v`, `omega`:
+    forward speed [m/s] and turn rate [rad/s], of shapes that broadcast with pose[..., 0]. `t`: time
+    on the arc [s]; shapes broadcast. `left`: speed to the left [m/s], of a robot that slips
+    sideways. Returns poses at the end, as `pose` was given: (x, y, theta), or (..., 3) of all
+    shapes broadcast.
 
     Examples
     --------
@@ -194,15 +152,8 @@ def exact_arc(
 def distances(points: Array, others: Array) -> Array:
     """Distances between the positions of points or poses, one by one.
 
-    Parameters
-    ----------
-    points, others : Array
-        Points (..., 2) or poses (..., 3) [m], of shapes that broadcast but for the last axis.
-
-    Returns
-    -------
-    Array
-        Distances (...) [m].
+    `points`, `others`: points (..., 2) or poses (..., 3) [m], of shapes that broadcast but for the
+    last axis. Returns distances (...) [m].
 
     Examples
     --------

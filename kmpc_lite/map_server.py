@@ -33,10 +33,7 @@ def read_map(path: Path, most_cells: int) -> tuple[NDArray[np.int8], float, tupl
     and the origin is x, y [m] and yaw [rad]. Of an image of more than `most_cells` no pixel is
     read.
 
-    Raises
-    ------
-    ProblemError
-        Names the file, and what is wrong with it.
+    Raises ProblemError: names the file, and what is wrong with it.
     """
     fields = _fields(_read(path, MOST_YAML_BYTES).decode("utf-8", "replace"))
     for key in ("image", "resolution", "origin"):

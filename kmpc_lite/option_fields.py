@@ -88,10 +88,7 @@ def _number(
 def check(options: Any) -> None:
     """Check every field of an options dataclass against its unit.
 
-    Raises
-    ------
-    ProblemError
-        Names the class, the field, and the value that is wrong.
+    Raises ProblemError: names the class, the field, and the value that is wrong.
     """
     for f in fields(options):
         value = getattr(options, f.name)

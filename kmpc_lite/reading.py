@@ -37,18 +37,9 @@ _DRAWN = re.compile(r'"[.#?]*+"')
 def open_regular(path: str | os.PathLike[str], most: int | None = None) -> BinaryIO:
     """Open a regular file for reading.
 
-    Parameters
-    ----------
-    path : path
-        Symbolic links are followed.
-    most : int, optional
-        Largest size that is accepted [bytes].
-
-    Raises
-    ------
-    OSError
-        For a file that cannot be opened, is no regular file, or is larger; its `strerror` says
-        which.
+    `path`: symbolic links are followed. `most`: largest size that is accepted [bytes]. Raises
+    OSError for a file that cannot be opened, is no regular file, or is larger; its `strerror` says
+    which.
     """
     try:
         # looked at before it is opened, too: opening a serial port resets some boards
@@ -93,19 +84,8 @@ def text_lines(path: str | os.PathLike[str], longest: int) -> Generator[str, Non
 
     A byte order mark is left out; bytes that are not UTF-8 become replacement characters.
 
-    Parameters
-    ----------
-    path : path
-        A regular file.
-    longest : int
-        Characters of the longest line that is accepted.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    ValueError
-        For a longer line; names it.
+    `path`: a regular file. `longest`: characters of the longest line that is accepted. Raises
+    OSError if the file cannot be read. Raises ValueError for a longer line; names it.
     """
     with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
         number = 0
@@ -119,12 +99,8 @@ def text_lines(path: str | os.PathLike[str], longest: int) -> Generator[str, Non
 def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a TOML file; see `parse_toml`.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be read, or is longer than `MAX_TOML_BYTES`.
-    ValueError
-        For what is not TOML.
+    Raises OSError if the file cannot be read, or is longer than `MAX_TOML_BYTES`. Raises ValueError
+    for what is not TOML.
     """
     return parse_toml(read_bytes(path, MAX_TOML_BYTES).decode("utf-8"))
 

@@ -15,17 +15,8 @@ def prepare_process(cpu: int | None = None, priority: int | None = 50) -> list[s
     threads cannot be changed once NumPy is loaded: a note says if the environment had not limited
     them.
 
-    Parameters
-    ----------
-    cpu : int, optional
-        Core to pin to; none if not given.
-    priority : int, optional
-        Of SCHED_FIFO, 1 to 99; None leaves the scheduler alone.
-
-    Returns
-    -------
-    list of str
-        One line for each measure.
+    `cpu`: core to pin to; none if not given. `priority`: of SCHED_FIFO, 1 to 99; None leaves the
+    scheduler alone. Returns one line for each measure.
     """
     told = []
     gc.collect()

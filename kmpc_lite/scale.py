@@ -26,14 +26,8 @@ SLOWEST = 50.0
 class Scale:
     """How long, and how fast, one unit of a robot is.
 
-    Parameters
-    ----------
-    length : float
-        L: metres of one unit of length.
-    speed : float
-        V: metres per second of one unit of speed.
-    inputs : int
-        Numbers of a command: m.
+    `length`: l: metres of one unit of length. `speed`: v: metres per second of one unit of speed.
+    `inputs`: numbers of a command: m.
 
     Examples
     --------

@@ -87,17 +87,8 @@ def run(options: argparse.Namespace) -> int:
 def check(robot: Robot, seconds: float) -> list[Finding]:
     """Look at everything short of moving the robot.
 
-    Parameters
-    ----------
-    robot : Robot
-        What to look at.
-    seconds : float
-        How long to watch the telemetry [s].
-
-    Raises
-    ------
-    ConfigError
-        For a wrong key.
+    `robot`: what to look at. `seconds`: how long to watch the telemetry [s]. Raises ConfigError for
+    a wrong key.
     """
     found = [Finding(True, f"{robot.where}: {robot.link.driver} at {robot.link.url}")]
     found += [Finding(ok, text) for ok, text in describe_model(robot)]

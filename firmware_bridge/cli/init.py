@@ -31,10 +31,7 @@ class Port(NamedTuple):
 def serial_ports(root: Path = Path("/dev")) -> list[Port]:
     """List the ports, those that are plugged in first.
 
-    Parameters
-    ----------
-    root : Path
-        Folder of devices.
+    `root`: folder of devices.
     """
     found: dict[str, Port] = {}
     for link in sorted((root / "serial" / "by-id").glob("*")):

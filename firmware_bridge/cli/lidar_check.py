@@ -32,10 +32,7 @@ FEW = 20
 def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
     """Lines on how a scan, seen from a pose in the vehicle's own frame, fits the robot's map.
 
-    Raises
-    ------
-    ConfigError
-        For a scenario that cannot be read.
+    Raises ConfigError for a scenario that cannot be read.
     """
     from kmpc_lite.scenario.world import world_of
 
@@ -90,14 +87,7 @@ DARK = 0.3
 def look(driver: SightedDriver, robot: Robot, seconds: float) -> list[tuple[bool, str]]:
     """Watch a lidar for some time [s]; gives lines, and whether each is good.
 
-    Parameters
-    ----------
-    driver : SightedDriver
-        Connected.
-    robot : Robot
-        Whose lidar it is.
-    seconds : float
-        How long [s].
+    `driver`: connected. `robot`: whose lidar it is. `seconds`: how long [s].
     """
     last, gaps, ages = listen(driver.sweep, seconds)
     health = driver.lidar.health()

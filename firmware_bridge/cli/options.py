@@ -112,12 +112,8 @@ def add_course_options(add: Add) -> None:
 def read_robot(options: argparse.Namespace) -> Robot:
     """Read the robot file under the options of a command line.
 
-    Raises
-    ------
-    ConfigError
-        Names the option, or file, section and key.
-    MissingExtra
-        Where the robot's driver needs an extra that is not installed.
+    Raises ConfigError: names the option, or file, section and key. Raises MissingExtra where the
+    robot's driver needs an extra that is not installed.
     """
     overrides = overrides_of(options)
     robot = load_robot(options.robot, overrides)

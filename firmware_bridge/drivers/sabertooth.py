@@ -67,14 +67,8 @@ class SabertoothOptions:
 class SabertoothDriver(TickingDriver):
     """Two motors, by power.
 
-    Parameters
-    ----------
-    transport : Transport
-        Not yet started; the driver starts and closes it.
-    geometry : Geometry
-        Of the robot.
-    options : SabertoothOptions
-        Addresses, full speed, watchdog.
+    `transport`: not yet started; the driver starts and closes it. `geometry`: of the robot.
+    `options`: addresses, full speed, watchdog.
     """
 
     board, options_type, tick = "Sabertooth", SabertoothOptions, TICK

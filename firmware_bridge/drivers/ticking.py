@@ -14,12 +14,7 @@ from firmware_bridge.link import OnBytes, Transport
 class TickingDriver(MotorBoard):
     """What drivers of such boards share: the thread, and how they are stopped and closed.
 
-    Parameters
-    ----------
-    transport : Transport
-        Not yet started; the driver starts and closes it.
-    geometry : Geometry
-        Of the robot.
+    `transport`: not yet started; the driver starts and closes it. `geometry`: of the robot.
     """
 
     tick: ClassVar[float]

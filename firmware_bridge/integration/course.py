@@ -67,33 +67,14 @@ def course(
 ) -> Course:
     """Put a controller and a map before a robot.
 
-    Parameters
-    ----------
-    robot : Robot
-        Whose `control` names the scenario and the model.
-    settle : float
-        How long the goal must be held [s].
-    seconds : float, optional
-        Give up after so long [s]; `DRIVE_TIME` for each goal if not given.
-    watch : callable, optional
-        Receives each pose and plan.
-    wait : float, optional
-        How long the vehicle may take until it drives [s]; `seconds` if not given.
-    rehearse : bool
-        Whether it drives at half the speed that limits and model allow.
-    overrides : DriveOverrides
-        What counts instead of the scenario's own.
-    click : bool
-        Whether goals are clicked while it drives, instead of the scenario's.
-    look : Look, optional
-        What it sees, instead of its lidar. Without a geofence of its own it may drive everywhere.
-    planner : Planner, optional
-        Finds paths; kmpc_lite's own if not given.
-
-    Raises
-    ------
-    ConfigError
-        For a scenario or a model that cannot be used.
+    `robot`: whose `control` names the scenario and the model. `settle`: how long the goal must be
+    held [s]. `seconds`: give up after so long [s]; `DRIVE_TIME` for each goal if not given.
+    `watch`: receives each pose and plan. `wait`: how long the vehicle may take until it drives [s];
+    `seconds` if not given. `rehearse`: whether it drives at half the speed that limits and model
+    allow. `overrides`: what counts instead of the scenario's own. `click`: whether goals are
+    clicked while it drives, instead of the scenario's. `look`: what it sees, instead of its lidar.
+    Without a geofence of its own it may drive everywhere. `planner`: finds paths; kmpc_lite's own
+    if not given. Raises ConfigError for a scenario or a model that cannot be used.
     """
     import kmpc_lite as kl
     from firmware_bridge.runtime.navigator import Navigator, Task
@@ -176,10 +157,7 @@ def beyond(robot: Robot, goal: Pose) -> str:
 def scenario_of(robot: Robot, overrides: DriveOverrides = NO_OVERRIDES) -> Any:
     """Scenario of a robot's file, with its footprint and wheels, and a command line's overrides.
 
-    Raises
-    ------
-    ConfigError
-        For a scenario that is missing, or cannot be read.
+    Raises ConfigError for a scenario that is missing, or cannot be read.
     """
     from kmpc_lite.control import Footprint
     from kmpc_lite.control.wheels import Car, Omni, read_wheels

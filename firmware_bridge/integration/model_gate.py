@@ -31,24 +31,9 @@ TRUST = "--trust-model uses it nevertheless"
 def fit_for(robot: Robot, model: kl.KoopmanModel, name: str) -> tuple[Robot, list[str]]:
     """Check a learned model against the robot that it is to drive.
 
-    Parameters
-    ----------
-    robot : Robot
-        What is to be driven.
-    model : KoopmanModel
-        What was learned.
-    name : str
-        Of the model's file.
-
-    Returns
-    -------
-    tuple
-        The robot within what the model's log has shown, and lines that a user should read.
-
-    Raises
-    ------
-    ConfigError
-        For a model of another vehicle, or of another period.
+    `robot`: what is to be driven. `model`: what was learned. `name`: of the model's file. Returns
+    the robot within what the model's log has shown, and lines that a user should read. Raises
+    ConfigError for a model of another vehicle, or of another period.
     """
     info, trust = model.info, robot.control.trust_model
     wrong = [*_other_vehicle(robot, info), *_other_wheels(robot, info)]

@@ -31,10 +31,7 @@ HEALTH_PERIOD = 1.0
 def recording_to(folder: Path | None) -> Iterator[str | None]:
     """Make a folder for a drive, and give the name of its files; leave nothing empty behind.
 
-    Raises
-    ------
-    ConfigError
-        If it cannot be made.
+    Raises ConfigError if it cannot be made.
     """
     if folder is None:
         yield None
@@ -72,14 +69,8 @@ class DriveRecorder:
 
     Both threads only put plain data into a queue: the file's own thread encodes and writes.
 
-    Parameters
-    ----------
-    file : DurableFile
-        A new .mcap file, which encodes what it is given.
-    job : Course
-        What is driven; its watchers get this one too.
-    session : Session
-        Whose loop knows the health of the link.
+    `file`: a new .mcap file, which encodes what it is given. `job`: what is driven; its watchers
+    get this one too. `session`: whose loop knows the health of the link.
     """
 
     def __init__(self, file: DurableFile[Any], job: Any, session: Session) -> None:

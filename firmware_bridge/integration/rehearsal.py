@@ -55,10 +55,7 @@ def _digest(model: str) -> str:
 def known_rehearsal(robot: Robot) -> tuple[bool, str] | None:
     """Whether the robot's model has passed on this vehicle, and what was found; None: unknown.
 
-    Raises
-    ------
-    ConfigError
-        For a record that is none.
+    Raises ConfigError for a record that is none.
     """
     from kmpc_lite.learn.provenance import differences
 
@@ -90,11 +87,8 @@ def at_half_speed(robot: Robot) -> Robot:
 def advice(robot: Robot, rehearse: bool) -> tuple[bool, tuple[str, ...]]:
     """Whether the next drive is a rehearsal, as the user asked or not, and what he should know.
 
-    Raises
-    ------
-    ConfigError
-        For a model that has failed its rehearsal, unless it is rehearsed again, or trusted; and
-        if there is no model to rehearse.
+    Raises ConfigError for a model that has failed its rehearsal, unless it is rehearsed again, or
+    trusted; and if there is no model to rehearse.
     """
     model = robot.control.model
     if model is None:
@@ -127,12 +121,7 @@ class Rehearsal:
 
     Rows are taken in the loop's thread and compared in the planner's.
 
-    Parameters
-    ----------
-    robot : Robot
-        What is driven, with what model.
-    model : KoopmanModel
-        What was learned, as it is in the file.
+    `robot`: what is driven, with what model. `model`: what was learned, as it is in the file.
     """
 
     def __init__(self, robot: Robot, model: kl.KoopmanModel) -> None:

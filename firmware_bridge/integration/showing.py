@@ -29,12 +29,7 @@ NEVER = 1e3
 class Showing:
     """The page on which one run is shown.
 
-    Parameters
-    ----------
-    page : LiveAddress
-        Where; its port is taken at once.
-    socket : path
-        Of the bridge's emergency stop.
+    `page`: where; its port is taken at once. `socket`: of the bridge's emergency stop.
     """
 
     def __init__(self, page: LiveAddress, socket: Any) -> None:

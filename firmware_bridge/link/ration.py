@@ -19,14 +19,8 @@ class Ration:
 
     Processor time, not time on the wall: a machine that stutters costs the reader nothing.
 
-    Parameters
-    ----------
-    clock : callable
-        Monotonic time [s].
-    work : callable
-        Processor time of the calling thread [s].
-    share, most : float
-        Share of a core, and bytes per second, for long.
+    `clock`: monotonic time [s]. `work`: processor time of the calling thread [s]. `share`, `most`:
+    share of a core, and bytes per second, for long.
 
     Examples
     --------

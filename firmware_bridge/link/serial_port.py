@@ -48,18 +48,10 @@ def explain(path: str, error: OSError) -> str:
 class SerialPort:
     """An open port.
 
-    Parameters
-    ----------
-    path : str
-        Of the device or of a link to it.
-    baud : int
-        Bits per second.
-    exclusive : bool
-        Forbid other programs to open it, as well as locking it. Not for pseudo-terminals: there the
-        mark would outlive a process that dies.
-    dtr : bool or None
-        What the line DTR is while the port is open; the opposite when it is closed. None leaves it
-        as the system sets it.
+    `path`: of the device or of a link to it. `baud`: bits per second. `exclusive`: forbid other
+    programs to open it, as well as locking it. Not for pseudo-terminals: there the mark would
+    outlive a process that dies. `dtr`: what the line DTR is while the port is open; the opposite
+    when it is closed. None leaves it as the system sets it.
     """
 
     def __init__(

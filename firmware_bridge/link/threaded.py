@@ -87,12 +87,8 @@ class ThreadedTransport:
     flood sends beyond that waits in the port, or is lost there. Frames that wait when the link is
     lost are dropped, so that no old command is sent after it returns.
 
-    Parameters
-    ----------
-    endpoint : Endpoint
-        Opens the port, at first and after each loss (back-off 0.05 s doubling to 0.5 s).
-    ration : Ration, optional
-        What may be read; the usual one if not given.
+    `endpoint`: opens the port, at first and after each loss (back-off 0.05 s doubling to 0.5 s).
+    `ration`: what may be read; the usual one if not given.
     """
 
     def __init__(self, endpoint: Endpoint, ration: Ration | None = None) -> None:

@@ -61,10 +61,7 @@ class LiveAddress:
     def bind(self) -> list[socket.socket]:
         """Listen there.
 
-        Raises
-        ------
-        LiveError
-            Names the option that is wrong.
+        Raises LiveError: names the option that is wrong.
         """
         try:
             found = socket.getaddrinfo(

@@ -39,10 +39,7 @@ class Channel:
     def send(self, packet: Packet) -> bool:
         """Send a packet; False if it was left out: too long, or the other end is busy or gone.
 
-        Raises
-        ------
-        ValueError
-            For values that are not plain data.
+        Raises ValueError for values that are not plain data.
         """
         data = marshal.dumps(packet)
         if len(data) > LONGEST:
@@ -55,10 +52,7 @@ class Channel:
     def receive(self) -> Packet | None:
         """Give the next packet, None if there is none yet.
 
-        Raises
-        ------
-        EOFError
-            If the other end is gone.
+        Raises EOFError if the other end is gone.
         """
         try:
             data = self.socket.recv(LONGEST)

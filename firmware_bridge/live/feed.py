@@ -25,21 +25,9 @@ class Feed:
     The port is taken at once, so that an unavailable address is reported before anything moves;
     the page is served from `__enter__` on.
 
-    Parameters
-    ----------
-    address : LiveAddress
-        Where.
-    module : str
-        What the page's process runs; it is given the descriptor of a channel.
-    settings : mapping
-        What that module needs besides.
-    on_word : callable, optional
-        Takes words that the page's process sends back.
-
-    Raises
-    ------
-    LiveError
-        If the address cannot be listened at.
+    `address`: where. `module`: what the page's process runs; it is given the descriptor of a
+    channel. `settings`: what that module needs besides. `on_word`: takes words that the page's
+    process sends back. Raises LiveError if the address cannot be listened at.
     """
 
     def __init__(

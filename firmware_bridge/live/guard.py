@@ -35,14 +35,8 @@ class Refused(Exception):
 class Guard:
     """Lets through what a person at our own page asks for.
 
-    Parameters
-    ----------
-    token : str
-        Behind the # of a link.
-    is_open : bool
-        Whether one may watch and stop without it.
-    names : sequence of str
-        Hosts by which the page is called, besides addresses of numbers.
+    `token`: behind the # of a link. `is_open`: whether one may watch and stop without it. `names`:
+    hosts by which the page is called, besides addresses of numbers.
     """
 
     def __init__(self, token: str, is_open: bool, names: Sequence[str]) -> None:
@@ -53,19 +47,9 @@ class Guard:
     ) -> bool:
         """Tell whether the token was shown.
 
-        Parameters
-        ----------
-        method : str
-            GET or POST.
-        headers : mapping
-            Of the request.
-        public : bool
-            Whether anybody may have it: our own script, which then shows the token.
-
-        Raises
-        ------
-        Refused
-            For a foreign host or origin, and without a token where one is needed.
+        `method`: GET or POST. `headers`: of the request. `public`: whether anybody may have it: our
+        own script, which then shows the token. Raises Refused for a foreign host or origin, and
+        without a token where one is needed.
         """
         host = headers.get("Host", "")
         if not self._is_ours(host):
@@ -101,10 +85,7 @@ class Guard:
 class TwoActions:
     """A second, deliberate action within a few seconds of the first.
 
-    Parameters
-    ----------
-    clock : callable
-        Monotonic time [s].
+    `clock`: monotonic time [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

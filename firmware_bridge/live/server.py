@@ -72,10 +72,7 @@ SAFETY = {
 class Buttons:
     """What the page's buttons do.
 
-    Parameters
-    ----------
-    ask : callable
-        See `Ask`.
+    `ask`: see `Ask`.
     """
 
     def __init__(self, ask: Ask) -> None:
@@ -145,16 +142,8 @@ class Buttons:
 class Server(ThreadingHTTPServer):
     """One page behind one listening socket.
 
-    Parameters
-    ----------
-    listener : socket
-        Listens already.
-    guard : Guard
-        Who may come in.
-    picture : Picture
-        What is shown.
-    buttons : Buttons
-        What can be asked for.
+    `listener`: listens already. `guard`: who may come in. `picture`: what is shown. `buttons`: what
+    can be asked for.
     """
 
     def __init__(
@@ -321,13 +310,9 @@ class Handler(BaseHTTPRequestHandler):
 def serve(descriptor: int, make_ask: Callable[[Channel, Picture, dict[str, Any]], Ask]) -> None:
     """Serve a page until the program that drives ends.
 
-    Parameters
-    ----------
-    descriptor : int
-        Of the channel; its first packet holds the settings: token, open, names, doors, and what
-        `make_ask` wants.
-    make_ask : callable
-        Makes the way by which the buttons go, of channel, picture and settings.
+    `descriptor`: of the channel; its first packet holds the settings: token, open, names, doors,
+    and what `make_ask` wants. `make_ask`: makes the way by which the buttons go, of channel,
+    picture and settings.
     """
     channel, picture = Channel.inherited(descriptor), Picture()
     select.select([channel.socket], [], [])

@@ -26,20 +26,9 @@ class View:
 
     If there is no terminal it tells changes of state only.
 
-    Parameters
-    ----------
-    loop : ControlLoop
-        What to show.
-    title : str
-        Driver and link.
-    out : text stream
-        Where to.
-    live : bool
-        Whether `out` is a terminal to draw on.
-    notes : callable
-        Gives lines that a user must see: a log that has ended.
-    more : callable
-        Gives more lines for the picture.
+    `loop`: what to show. `title`: driver and link. `out`: where to. `live`: whether `out` is a
+    terminal to draw on. `notes`: gives lines that a user must see: a log that has ended. `more`:
+    gives more lines for the picture.
     """
 
     def __init__(

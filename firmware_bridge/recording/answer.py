@@ -35,12 +35,8 @@ class Answer(NamedTuple):
 class AnswerMeter:
     """Compares commands on the wire with the motion that the poses show: each of three speeds.
 
-    Parameters
-    ----------
-    period : float
-        Between two samples [s].
-    largest : tuple
-        Largest commanded speed [m/s], turn rate [rad/s], and speed to the left [m/s].
+    `period`: between two samples [s]. `largest`: largest commanded speed [m/s], turn rate [rad/s],
+    and speed to the left [m/s].
     """
 
     def __init__(self, period: float, largest: Speeds) -> None:

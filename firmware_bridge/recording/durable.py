@@ -29,20 +29,9 @@ QUEUE = 100_000
 class DurableFile(Generic[T]):
     """A new file that grows by whole records, from any thread.
 
-    Parameters
-    ----------
-    path : Path
-        Must not exist: a log is never written over.
-    encode : callable
-        Records to the pieces that stand in the file, each of them whole or not there; called in the
-        writing thread.
-    header : bytes
-        First bytes of the file.
-
-    Raises
-    ------
-    ConfigError
-        If the file exists or cannot be made.
+    `path`: must not exist: a log is never written over. `encode`: records to the pieces that stand
+    in the file, each of them whole or not there; called in the writing thread. `header`: first
+    bytes of the file. Raises ConfigError if the file exists or cannot be made.
     """
 
     def __init__(

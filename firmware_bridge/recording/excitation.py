@@ -46,30 +46,13 @@ class Excitation:
     the middle, in the direction of travel of the scenario, and goes on at random once it is well
     inside again. In a small fence it drives more slowly.
 
-    Parameters
-    ----------
-    fence : tuple
-        xmin, ymin, xmax, ymax [m]; free of obstacles.
-    limits : Limits
-        Commands stay within.
-    hold : float, optional
-        How long a random command is held [s]; if not given, as long as the robot takes to
-        answer and to change its speed, now longer, now shorter.
-    seconds : float
-        Length of the recording [s]: all scenarios come within it.
-    seed : int
-        Of the commands.
-    delay : callable, optional
-        How late the robot answers, as far as it was measured [s].
-    manoeuvres : bool
-        Whether there are dashes, stops and turns on the spot; without them all is the paper's.
-    wheels : Wheels
-        Of the robot: a car keeps to curves that it can be steered to, an omni drives sideways, too.
-
-    Raises
-    ------
-    ConfigError
-        If the fence is too small for the robot.
+    `fence`: xmin, ymin, xmax, ymax [m]; free of obstacles. `limits`: commands stay within. `hold`:
+    how long a random command is held [s]; if not given, as long as the robot takes to answer and to
+    change its speed, now longer, now shorter. `seconds`: length of the recording [s]: all scenarios
+    come within it. `seed`: of the commands. `delay`: how late the robot answers, as far as it was
+    measured [s]. `manoeuvres`: whether there are dashes, stops and turns on the spot; without them
+    all is the paper's. `wheels`: of the robot: a car keeps to curves that it can be steered to, an
+    omni drives sideways, too. Raises ConfigError if the fence is too small for the robot.
     """
 
     def __init__(

@@ -31,12 +31,8 @@ class Chunk(NamedTuple):
 class RecordedTransport:
     """A transport that shows a log all that passes through it.
 
-    Parameters
-    ----------
-    transport : Transport
-        The link.
-    log : callable
-        Takes chunks with times of `time.monotonic()`; must return at once.
+    `transport`: the link. `log`: takes chunks with times of `time.monotonic()`; must return at
+    once.
     """
 
     def __init__(self, transport: Transport, log: Callable[[Chunk], None]) -> None:

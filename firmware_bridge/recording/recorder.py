@@ -51,14 +51,8 @@ class RowSampler:
     command. Wherever the drive is interrupted the time jumps by three periods or more, which ends
     an episode for `kmpc fit`.
 
-    Parameters
-    ----------
-    period : float
-        Of the rows [s].
-    by_hand : bool
-        Somebody else drives: the measured speeds stand in for the commands.
-    wheels : Wheels
-        Of the robot: they say what numbers a command has.
+    `period`: of the rows [s]. `by_hand`: somebody else drives: the measured speeds stand in for the
+    commands. `wheels`: of the robot: they say what numbers a command has.
     """
 
     def __init__(self, period: float, by_hand: bool = False, wheels: Wheels = TWO_SIDES) -> None:
@@ -154,16 +148,8 @@ class RowSampler:
 class CsvRecorder:
     """Records the rows of a `RowSampler` in a new file; an `Observer` of the loop.
 
-    Parameters
-    ----------
-    path : Path
-        Of a new .csv file.
-    period, by_hand
-        See `RowSampler`.
-    vehicle : mapping, optional
-        What the log is to say of the vehicle.
-    wheels : Wheels
-        Of the robot: they say what numbers a command has.
+    `path`: of a new .csv file. `period`, `by_hand`: see `RowSampler`. `vehicle`: what the log is to
+    say of the vehicle. `wheels`: of the robot: they say what numbers a command has.
     """
 
     def __init__(

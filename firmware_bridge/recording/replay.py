@@ -17,21 +17,9 @@ from kmpc_lite.learn.formats.ardupilot import frames
 def replay(log: Path, csv: str | None, period: float, system: int) -> dict[str, Any]:
     """Read a tlog, and make a CSV of it if asked; gives what was found, for JSON.
 
-    Parameters
-    ----------
-    log : Path
-        A tlog; what is no frame in it is passed over.
-    csv : str, optional
-        New file for the rows of a tlog.
-    period : float
-        Of the rows [s].
-    system : int
-        MAVLink id of the vehicle.
-
-    Raises
-    ------
-    ConfigError
-        If the log cannot be read, or holds no frame.
+    `log`: a tlog; what is no frame in it is passed over. `csv`: new file for the rows of a tlog.
+    `period`: of the rows [s]. `system`: MAVLink id of the vehicle. Raises ConfigError if the log
+    cannot be read, or holds no frame.
     """
     from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
     from firmware_bridge.drivers.mavlink.core import MavlinkCore

@@ -33,14 +33,8 @@ REMEMBERED = 15
 class DriveWatch:
     """An observer of the loop: it rates the robot's answers, and keeps the commands by the row.
 
-    Parameters
-    ----------
-    period : float
-        Of the rows [s].
-    limits : Limits
-        Largest commanded speeds.
-    by_hand : bool
-        Somebody else drives: the measured speeds stand in for the commands, and nothing is judged.
+    `period`: of the rows [s]. `limits`: largest commanded speeds. `by_hand`: somebody else drives:
+    the measured speeds stand in for the commands, and nothing is judged.
     """
 
     def __init__(self, period: float, limits: Limits, by_hand: bool = False) -> None:

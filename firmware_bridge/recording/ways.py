@@ -55,10 +55,7 @@ class Place(NamedTuple):
 class Ways:
     """Wheels on either side: each speed by itself.
 
-    Parameters
-    ----------
-    wheels : Wheels
-        Of the robot.
+    `wheels`: of the robot.
     """
 
     room = 0.0

@@ -31,14 +31,8 @@ UNABLE = (GateState.ESTOP, GateState.RELEASED)
 class Display:
     """Publishes ``~/plan``, ``~/markers`` and ``/diagnostics``; serves ``~/enable``, ``~/estop``.
 
-    Parameters
-    ----------
-    driver : Ros2Driver
-        Whose node publishes.
-    session : Session
-        Whose gate is reported, enabled and stopped.
-    job : Course
-        Whose goal and plans are shown.
+    `driver`: whose node publishes. `session`: whose gate is reported, enabled and stopped. `job`:
+    whose goal and plans are shown.
     """
 
     def __init__(self, driver: Ros2Driver, session: Session, job: Any) -> None:

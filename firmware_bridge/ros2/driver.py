@@ -44,16 +44,9 @@ Goal = tuple[float, float, float]
 class Ros2Driver:
     """Listens to odometry, obstacles and goals, and publishes commands.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Spun by a thread of this driver.
-    options : Ros2Options
-        What it listens to.
-    wheels : Wheels
-        Of the robot; a car with a wheelbase is commanded by AckermannDriveStamped.
-    scan_age : float
-        Oldest scan to drive by [s].
+    `node`: spun by a thread of this driver. `options`: what it listens to. `wheels`: of the robot;
+    a car with a wheelbase is commanded by AckermannDriveStamped. `scan_age`: oldest scan to drive
+    by [s].
     """
 
     def __init__(
@@ -87,12 +80,8 @@ class Ros2Driver:
     def serve(self, on_goal: Callable[[Goal], str], is_wanted: Callable[[], bool]) -> None:
         """Hand goals to whoever drives there.
 
-        Parameters
-        ----------
-        on_goal : callable
-            Takes a goal, and says why it is refused; empty if it is not.
-        is_wanted : callable
-            Whether there is a goal: without one, others may command the robot.
+        `on_goal`: takes a goal, and says why it is refused; empty if it is not. `is_wanted`:
+        whether there is a goal: without one, others may command the robot.
         """
         self._on_goal, self._is_wanted = on_goal, is_wanted
         if self._early is not None:

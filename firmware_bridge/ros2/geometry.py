@@ -76,12 +76,8 @@ def seconds(stamp: Any) -> float:
 class Transforms:
     """Looks frames up in TF; `tf2_ros` is imported for the first pair of frames that differ.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Listens to /tf and /tf_static.
-    oldest : float
-        A transform that moves and is older is not believed [s].
+    `node`: listens to /tf and /tf_static. `oldest`: a transform that moves and is older is not
+    believed [s].
     """
 
     def __init__(self, node: Any, oldest: float) -> None:

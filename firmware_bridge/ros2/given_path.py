@@ -22,12 +22,8 @@ NONE = "no path to this goal on the topic plan"
 class GivenPath:
     """A planner that finds what another one has published.
 
-    Parameters
-    ----------
-    places : callable
-        Gives the newest path, in the frame that is driven in.
-    by_poses : bool
-        Whether its headings count, as a car's; else a robot looks where it drives.
+    `places`: gives the newest path, in the frame that is driven in. `by_poses`: whether its
+    headings count, as a car's; else a robot looks where it drives.
     """
 
     def __init__(self, places: Callable[[], Sequence[Place]], by_poses: bool) -> None:

@@ -23,14 +23,7 @@ AHEAD = 0.2
 class GridInput:
     """The newest map of one topic.
 
-    Parameters
-    ----------
-    name : str
-        Of the topic.
-    options : Ros2Options
-        How it is understood.
-    lookup : callable
-        See `Lookup`.
+    `name`: of the topic. `options`: how it is understood. `lookup`: see `Lookup`.
     """
 
     def __init__(self, name: str, options: Ros2Options, lookup: Lookup) -> None:
@@ -110,16 +103,9 @@ class GridInput:
 class ScanInput:
     """The newest scan of one topic.
 
-    Parameters
-    ----------
-    name : str
-        Of the topic.
-    mount : tuple, optional
-        x, y [m] and heading [rad] of the scanner on the robot; of TF if not given.
-    longest : float
-        Past this age of a scan a robot brakes [s]; one that is `GRACE` times as old is not used.
-    lookup : callable
-        See `Lookup`.
+    `name`: of the topic. `mount`: x, y [m] and heading [rad] of the scanner on the robot; of TF if
+    not given. `longest`: past this age of a scan a robot brakes [s]; one that is `GRACE` times as
+    old is not used. `lookup`: see `Lookup`.
     """
 
     def __init__(
@@ -137,10 +123,7 @@ class ScanInput:
     def take(self, message: Any, first: float, base: str, now: float) -> None:
         """Take a LaserScan that came at `now`, whose first beam is of the time `first` [s].
 
-        Parameters
-        ----------
-        base : str
-            The robot's own frame.
+        `base`: the robot's own frame.
         """
         from kmpc_lite.errors import ProblemError
 

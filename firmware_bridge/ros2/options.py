@@ -52,16 +52,13 @@ class Ros2Options:
 def read_parameters(given: Mapping[str, Any]) -> tuple[Ros2Options, dict[str, dict[str, Any]]]:
     """Read ROS parameters: the node's own, and those that are keys of a robot file.
 
+    Raises ConfigError for a name that is neither, or a value of another type.
+
     Examples
     --------
     >>> options, keys = read_parameters({"scans": "", "limits.v_max": 0.4})
     >>> options.scans, keys
     ('', {'limits': {'v_max': 0.4}})
-
-    Raises
-    ------
-    ConfigError
-        For a name that is neither, or a value of another type.
     """
     own: dict[str, Any] = {}
     keys: dict[str, dict[str, Any]] = {}

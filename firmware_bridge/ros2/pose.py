@@ -22,12 +22,8 @@ APART = 0.1
 class PoseInput:
     """Where the robot is, in the frame that is driven in.
 
-    Parameters
-    ----------
-    frame : str
-        Frame that is driven in: the map's.
-    lookup : callable
-        See `Lookup`; None if `amcl_pose` alone says where the odometry's frame lies.
+    `frame`: frame that is driven in: the map's. `lookup`: see `Lookup`; None if `amcl_pose` alone
+    says where the odometry's frame lies.
     """
 
     def __init__(self, frame: str, lookup: Lookup | None) -> None:

@@ -19,19 +19,9 @@ LATE_PLAN = 1.5
 class CommandSender:
     """Sends to one driver, and knows which plan has been sent.
 
-    Parameters
-    ----------
-    driver : Driver
-        Connected.
-    planner : Planner
-        The source of plans; it receives the commands sent.
-    command_period : float
-        While driving, commands go out this far apart [s]; whatever stops the robot goes out at
-        every tick.
-    tick : float
-        Period of the gate [s].
-    clock : callable
-        Gives the time [s].
+    `driver`: connected. `planner`: the source of plans; it receives the commands sent.
+    `command_period`: while driving, commands go out this far apart [s]; whatever stops the robot
+    goes out at every tick. `tick`: period of the gate [s]. `clock`: gives the time [s].
     """
 
     def __init__(
@@ -58,10 +48,8 @@ class CommandSender:
     ) -> tuple[bool, bool]:
         """Do what the gate decided for the planner's latest plan.
 
-        Returns
-        -------
-        sent, fresh : bool
-            Whether speeds went on the wire, and whether a plan did for the first time.
+        Returns `sent`, `fresh`: whether speeds went on the wire, and whether a plan did for the
+        first time.
         """
         drives = output.state is GateState.ACTIVE
         sent = self._send(now, output, latest, counts)

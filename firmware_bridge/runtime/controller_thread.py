@@ -93,23 +93,10 @@ class SentCommands:
 class Planner:
     """Asks the controller once per period for a command, from the pose as it is now.
 
-    Parameters
-    ----------
-    controller : callable
-        State to VelocityCommand.
-    poses : callable
-        Gives the newest State, or None: the driver's `state`.
-    period : float
-        [s]
-    latency : float
-        From a command on the wire to the wheels [s]: what is planned starts from the pose as it
-        will be then.
-    predict : callable
-        See `Predict`.
-    clock : callable
-        [s]
-    after : callable, optional
-        Called once a command is there, in the same thread: what it takes delays no command.
+    `controller`: state to VelocityCommand. `poses`: gives the newest State, or None: the driver's
+    `state`. `period`: [s]. `latency`: from a command on the wire to the wheels [s]: what is planned
+    starts from the pose as it will be then. `predict`: see `Predict`. `clock`: [s]. `after`: called
+    once a command is there, in the same thread: what it takes delays no command.
     """
 
     def __init__(

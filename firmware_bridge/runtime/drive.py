@@ -45,12 +45,7 @@ class Restart:
 
     It never resets an emergency stop.
 
-    Parameters
-    ----------
-    route : Route
-        Takes goals.
-    gate : callable
-        Gives the gate.
+    `route`: takes goals. `gate`: gives the gate.
     """
 
     def __init__(self, route: Route, gate: Callable[[], SafetyGate]) -> None:
@@ -81,30 +76,13 @@ def run(
 ) -> tuple[dict[str, Any], int]:
     """Drive to the goal; return the report and the exit status.
 
-    Parameters
-    ----------
-    robot : Robot
-        What to drive.
-    navigator : Navigator
-        Plans and knows when it has arrived.
-    period : float
-        Of the controller [s].
-    origin : tuple
-        Pose of the vehicle's own frame [m, m, rad], where the robot file has none.
-    output : str, optional
-        Record to files of this name.
-    out : text stream, optional
-        For people; nothing is written if not given.
-    notes : tuple of str
-        Said on standard error once the board has answered, before it drives.
-    watched : callable
-        Makes a context of the session, in which it drives.
-    recorder : callable, optional
-        Makes another recorder; see `Session`.
-    examiner : Examiner, optional
-        Looks on, and may have the robot stopped.
-    driver : Driver, optional
-        Of a robot without a link of bytes. A new goal lets it drive again after it was given back.
+    `robot`: what to drive. `navigator`: plans and knows when it has arrived. `period`: of the
+    controller [s]. `origin`: pose of the vehicle's own frame [m, m, rad], where the robot file has
+    none. `output`: record to files of this name. `out`: for people; nothing is written if not
+    given. `notes`: said on standard error once the board has answered, before it drives. `watched`:
+    makes a context of the session, in which it drives. `recorder`: makes another recorder; see
+    `Session`. `examiner`: looks on, and may have the robot stopped. `driver`: of a robot without a
+    link of bytes. A new goal lets it drive again after it was given back.
     """
 
     def plan(state: State) -> VelocityCommand:

@@ -34,10 +34,7 @@ class Recorder(Observer, Protocol):
 class DriveLogs:
     """A CSV, what goes over an autopilot's link, and what another recorder writes.
 
-    Parameters
-    ----------
-    output : Path, optional
-        Path of the files without their endings; nothing is recorded if not given.
+    `output`: path of the files without their endings; nothing is recorded if not given.
     """
 
     def __init__(self, output: Path | None) -> None:
@@ -56,10 +53,7 @@ class DriveLogs:
     ) -> Transport | None:
         """Make the files; give the transport whose bytes are recorded, if there is one.
 
-        Raises
-        ------
-        ConfigError
-            If one of them exists or cannot be made.
+        Raises ConfigError if one of them exists or cannot be made.
         """
         if self._output is None:
             return transport

@@ -34,30 +34,12 @@ DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.i
 class ControlLoop:
     """Moves commands from the planner through the gate to the driver.
 
-    Parameters
-    ----------
-    driver : Driver
-        Connected.
-    gate : SafetyGate
-        Every command passes it.
-    planner : Planner
-        Asked in its own thread; `run` starts it.
-    command_period : float
-        While driving, commands go out this far apart [s]; whatever stops the robot goes out at
-        every tick.
-    tick : float
-        Period of the gate [s].
-    observers : sequence of Observer
-        Called at each tick.
-    operator : Operator, optional
-        Emergency stop, reset, enable.
-    take : callable, optional
-        Asks the board for control again, where the operator enables the robot after it was given
-        back or taken.
-    confirm : callable, optional
-        Tells the driver that the board's frame was looked at.
-    clock, sleep : callable
-        For tests.
+    `driver`: connected. `gate`: every command passes it. `planner`: asked in its own thread; `run`
+    starts it. `command_period`: while driving, commands go out this far apart [s]; whatever stops
+    the robot goes out at every tick. `tick`: period of the gate [s]. `observers`: called at each
+    tick. `operator`: emergency stop, reset, enable. `take`: asks the board for control again, where
+    the operator enables the robot after it was given back or taken. `confirm`: tells the driver
+    that the board's frame was looked at. `clock`, `sleep`: for tests.
     """
 
     def __init__(

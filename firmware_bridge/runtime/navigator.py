@@ -85,21 +85,9 @@ class Navigator:
 
     Time counts from the moment in which the gate first lets commands pass.
 
-    Parameters
-    ----------
-    step : callable
-        Plans; see `Step`.
-    task : Task
-        Goal and obstacles.
-    settle : float
-        How long the robot must stand at the goal [s].
-    seconds : float
-        Give up after so long [s].
-    wait : float, optional
-        Give up if no command has passed this long after the start [s]; `seconds` if not
-        given.
-    clock : callable
-        [s]
+    `step`: plans; see `Step`. `task`: goal and obstacles. `settle`: how long the robot must stand
+    at the goal [s]. `seconds`: give up after so long [s]. `wait`: give up if no command has passed
+    this long after the start [s]; `seconds` if not given. `clock`: [s].
     """
 
     def __init__(

@@ -24,18 +24,9 @@ def ended_words(
 ) -> str:
     """Say in one sentence how a drive ended that did not arrive: the same wherever it is shown.
 
-    Parameters
-    ----------
-    what : str
-        Happened.
-    after : float
-        Time since the robot was first let drive [s].
-    errors : tuple
-        Distance to the goal [m] and heading error [rad]; infinite if no pose is known.
-    goal : str
-        Which goal of how many; empty for a single one.
-    why : iterable of str
-        What kept it from arriving.
+    `what`: happened. `after`: time since the robot was first let drive [s]. `errors`: distance to
+    the goal [m] and heading error [rad]; infinite if no pose is known. `goal`: which goal of how
+    many; empty for a single one. `why`: what kept it from arriving.
 
     Examples
     --------

@@ -65,24 +65,11 @@ def record(
 ) -> tuple[dict[str, Any], int]:
     """Record a drive to learn from; return the report and the exit status.
 
-    Parameters
-    ----------
-    robot : Robot
-        What to drive, or to listen to.
-    output : str
-        Name of the files.
-    seconds : float
-        For how long, from the first moment in which it counts [s].
-    period : float
-        Of the rows, and of the random driving [s].
-    excitation : RandomDriving, optional
-        How it is driven at random; None: a pilot drives by hand.
-    out : text stream, optional
-        For people.
-    meter : callable, optional
-        Tells what the log shows.
-    wait : float, optional
-        How long the vehicle may take until it is driven at random [s]; `seconds` if not given.
+    `robot`: what to drive, or to listen to. `output`: name of the files. `seconds`: for how long,
+    from the first moment in which it counts [s]. `period`: of the rows, and of the random driving
+    [s]. `excitation`: how it is driven at random; None: a pilot drives by hand. `out`: for people.
+    `meter`: tells what the log shows. `wait`: how long the vehicle may take until it is driven at
+    random [s]; `seconds` if not given.
     """
     drive = Recording(robot, seconds, period, excitation, meter, wait=wait)
     with Session(
@@ -114,12 +101,7 @@ def record(
 class Recording:
     """One recording: driver, end, coverage.
 
-    Parameters
-    ----------
-    robot, seconds, period, driving, meter, wait
-        See `record`.
-    clock : callable
-        [s]
+    `robot`, `seconds`, `period`, `driving`, `meter`, `wait`: see `record`. `clock`: [s].
     """
 
     def __init__(

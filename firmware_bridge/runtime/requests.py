@@ -17,17 +17,9 @@ WITHOUT_CONTROL = GateState.RELEASED, GateState.YIELDED, GateState.IDLE
 class Requests:
     """Passes the requests of an operator on to the gate and the driver.
 
-    Parameters
-    ----------
-    operator : Operator, optional
-        Sender of requests; none by default.
-    gate : SafetyGate
-        Stops, resets and enables.
-    take : callable, optional
-        Asks the board for control again, where the operator enables the robot after it was given
-        back or taken.
-    confirm : callable, optional
-        Tells the driver that the board's frame was looked at.
+    `operator`: sender of requests; none by default. `gate`: stops, resets and enables. `take`: asks
+    the board for control again, where the operator enables the robot after it was given back or
+    taken. `confirm`: tells the driver that the board's frame was looked at.
     """
 
     def __init__(

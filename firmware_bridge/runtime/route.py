@@ -11,14 +11,9 @@ Pose = tuple[float, float, float]
 class Route:
     """Knows to which goal a robot drives.
 
-    Parameters
-    ----------
-    goals : sequence of tuple
-        Poses (3,) [m, m, rad], at least one.
-    loop : bool
-        Whether the first goal follows the last one, for ever.
-    clicked : bool
-        Whether goals come while it drives: `goals` only say where maps begin, and it is idle.
+    `goals`: poses (3,) [m, m, rad], at least one. `loop`: whether the first goal follows the last
+    one, for ever. `clicked`: whether goals come while it drives: `goals` only say where maps begin,
+    and it is idle.
 
     Examples
     --------

@@ -77,37 +77,15 @@ def sight_of(robot: Robot, driver: Driver) -> Sight | None:
 class Session:
     """A context in which a robot is driven; leaving it gives the robot back, whatever happened.
 
-    Parameters
-    ----------
-    robot : Robot
-        Checked robot file.
-    controller : callable
-        State to VelocityCommand.
-    period : float
-        Of the controller, and of the rows of the CSV [s].
-    origin : tuple
-        Pose of the vehicle's frame in ours, where the robot file has none.
-    output : Path, optional
-        Record to this name with .csv, and of an autopilot .tlog, put behind.
-    by_hand : bool
-        Nothing is sent, the gate stays idle: a pilot drives.
-    out : text stream, optional
-        Where to show what happens.
-    observers : tuple of Observer
-        See each tick, beside the recorder.
-    more : callable
-        Gives more lines for the terminal's picture.
-    record : callable, optional
-        Makes another recorder of this session, to a path without an ending.
-    warnings : callable
-        Returns notes to show once, beside the autopilot's own.
-    driver : Driver, optional
-        Not yet connected, for a robot without a link of bytes; the robot file's if not given.
-
-    Raises
-    ------
-    ConfigError, LinkError, EstopLatched
-        With one line for the user.
+    `robot`: checked robot file. `controller`: state to VelocityCommand. `period`: of the
+    controller, and of the rows of the CSV [s]. `origin`: pose of the vehicle's frame in ours, where
+    the robot file has none. `output`: record to this name with .csv, and of an autopilot .tlog, put
+    behind. `by_hand`: nothing is sent, the gate stays idle: a pilot drives. `out`: where to show
+    what happens. `observers`: see each tick, beside the recorder. `more`: gives more lines for the
+    terminal's picture. `record`: makes another recorder of this session, to a path without an
+    ending. `warnings`: returns notes to show once, beside the autopilot's own. `driver`: not yet
+    connected, for a robot without a link of bytes; the robot file's if not given. Raises
+    ConfigError, LinkError, EstopLatched with one line for the user.
     """
 
     def __init__(

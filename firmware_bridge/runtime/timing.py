@@ -84,12 +84,7 @@ class Histogram:
 class Deadlines:
     """Instants `period` apart, counted from the first: no drift, and after a stall no burst.
 
-    Parameters
-    ----------
-    period : float
-        [s]
-    start : float
-        First instant [s].
+    `period`: [s]. `start`: first instant [s].
     """
 
     def __init__(self, period: float, start: float) -> None:
@@ -161,10 +156,7 @@ def asleep() -> float:
 class Suspension:
     """Tells once of each time in which the computer slept.
 
-    Parameters
-    ----------
-    asleep : callable
-        How long it has slept in all [s].
+    `asleep`: how long it has slept in all [s].
 
     Examples
     --------

@@ -58,11 +58,8 @@ class Client:
 class EmergencyStop:
     """Takes stop requests from a socket and from signals, and keeps a stop until it is reset.
 
-    Parameters
-    ----------
-    path : Path
-        Of the socket, made with mode 0600; the latch lies beside it as PATH.latched. A latch that
-        another program writes is a stop like any other.
+    `path`: of the socket, made with mode 0600; the latch lies beside it as PATH.latched. A latch
+    that another program writes is a stop like any other.
     """
 
     def __init__(self, path: Path) -> None:
@@ -115,12 +112,8 @@ class EmergencyStop:
     def open(self) -> None:
         """Listen, in a thread.
 
-        Raises
-        ------
-        ConfigError
-            If a file lies there that is no socket.
-        LinkError
-            If another bridge listens there, or the socket cannot be made.
+        Raises ConfigError if a file lies there that is no socket. Raises LinkError if another
+        bridge listens there, or the socket cannot be made.
         """
         self._listener = Listener(self.path)
         try:

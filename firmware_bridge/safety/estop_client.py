@@ -26,10 +26,7 @@ def press(path: Path, timeout: float = PATIENCE) -> dict[str, Any]:
 
     The latch is written first: whoever keeps the socket busy, the bridge sees that file.
 
-    Raises
-    ------
-    LinkError
-        If no bridge confirms it; the latch holds all the same if it could be written.
+    Raises LinkError if no bridge confirms it; the latch holds all the same if it could be written.
     """
     problem = ""
     try:
@@ -45,12 +42,8 @@ def press(path: Path, timeout: float = PATIENCE) -> dict[str, Any]:
 def ask(path: Path, word: str, timeout: float = PATIENCE) -> dict[str, Any]:
     """Send a request (estop.WORDS) to a running bridge until it answers; return the answer.
 
-    Raises
-    ------
-    NoBridge
-        If none is running.
-    LinkError
-        If it does not answer within `timeout` [s], or something else than a bridge does.
+    Raises NoBridge if none is running. Raises LinkError if it does not answer within `timeout` [s],
+    or something else than a bridge does.
     """
     until = time.monotonic() + timeout
     while True:

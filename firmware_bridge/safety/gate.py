@@ -62,13 +62,8 @@ class SafetyGate:
     `enable`, `stop`, `estop` and `reset` are remembered and take effect in the next `step`. All in
     one thread.
 
-    Parameters
-    ----------
-    settings : GateSettings
-        Limits and patience.
-    late_after : float, optional
-        Age at which a controller's output is late, if later than the settings say [s]: outputs of
-        a slow controller are old before the next one comes.
+    `settings`: limits and patience. `late_after`: age at which a controller's output is late, if
+    later than the settings say [s]: outputs of a slow controller are old before the next one comes.
 
     Examples
     --------
@@ -125,16 +120,8 @@ class SafetyGate:
     ) -> GateOutput:
         """Judge the inputs and give what is to be sent now.
 
-        Parameters
-        ----------
-        now : float
-            `time.monotonic()`, or any clock that the stamps share [s].
-        command : VelocityCommand or None
-            Newest output of the controller.
-        state : State or None
-            Newest pose.
-        status : LinkStatus
-            Newest status of the link and the board.
+        `now`: `time.monotonic()`, or any clock that the stamps share [s]. `command`: newest output
+        of the controller. `state`: newest pose. `status`: newest status of the link and the board.
         """
         dt = 0.0 if self._last is None else max(now - self._last, 0.0)
         self._last = now

@@ -87,12 +87,8 @@ def fresh(now: float, stamp: float, limit: float) -> bool:
 class Slowing:
     """Slows the robot before pose, scan or command is too old, so that a gap is not yet a stop.
 
-    Parameters
-    ----------
-    settings : GateSettings
-        `watchdog`, `pose_age`, `scan_age` and `slow_from` are used.
-    late_after : float, optional
-        Age at which a command is late, if later than the settings say [s].
+    `settings`: `watchdog`, `pose_age`, `scan_age` and `slow_from` are used. `late_after`: age at
+    which a command is late, if later than the settings say [s].
     """
 
     def __init__(self, settings: GateSettings, late_after: float | None) -> None:
@@ -134,10 +130,7 @@ POSE_LOST = frozenset({Reason.POSE, Reason.SCAN, Reason.ESTIMATE, Reason.COMMAND
 class LostPose:
     """Follows the poses of a robot that drives or has just been stopped.
 
-    Parameters
-    ----------
-    settings : GateSettings
-        `resume` and `resume_within` are used.
+    `settings`: `resume` and `resume_within` are used.
     """
 
     def __init__(self, settings: GateSettings) -> None:

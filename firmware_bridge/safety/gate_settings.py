@@ -18,10 +18,7 @@ often."""
 class GateSettings:
     """Settings of a gate.
 
-    Raises
-    ------
-    ConfigError
-        Names the setting that is wrong.
+    Raises ConfigError: names the setting that is wrong.
     """
 
     limits: Limits = field(default_factory=Limits)

@@ -18,10 +18,7 @@ ZERO = 1e-9
 class Limits:
     """What a command may be; the defaults are slow on purpose.
 
-    Raises
-    ------
-    ConfigError
-        Names the limit that is out of range.
+    Raises ConfigError: names the limit that is out of range.
     """
 
     v_max: float = bounded(1e-4, 100.0, "m/s", 0.3)

@@ -23,17 +23,9 @@ def check_path(path: Path) -> None:
 class Listener:
     """A listening socket that no second bridge can take over while this one lives.
 
-    Parameters
-    ----------
-    path : Path
-        Of the socket, made with mode 0600; a lock file lies beside it as PATH.lock.
-
-    Raises
-    ------
-    ConfigError
-        If something else than a socket lies there: it is left alone.
-    LinkError
-        If another bridge, or another program, listens there, or the socket cannot be made.
+    `path`: of the socket, made with mode 0600; a lock file lies beside it as PATH.lock. Raises
+    ConfigError if something else than a socket lies there: it is left alone. Raises LinkError if
+    another bridge, or another program, listens there, or the socket cannot be made.
     """
 
     def __init__(self, path: Path) -> None:

@@ -50,10 +50,7 @@ class Moment(NamedTuple):
 class Unmoved:
     """Compares, while the robot drives, the commanded motion with the change of its pose.
 
-    Parameters
-    ----------
-    options : UnmovedOptions
-        See there.
+    `options`: see there.
 
     Examples
     --------

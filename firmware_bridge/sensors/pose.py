@@ -220,15 +220,9 @@ class PosedDriver(SensorDriver):
 
     An autopilot is fed with that pose; otherwise it replaces the odometry.
 
-    Parameters
-    ----------
-    driver : Driver
-        Not yet connected.
-    url : str
-        udp:HOST:PORT, where the datagrams arrive; of several senders the first is heard, until it
-        is silent for a second.
-    feed : callable, optional
-        The driver's `feed_pose`, for an autopilot that has an estimate of its own.
+    `driver`: not yet connected. `url`: udp:HOST:PORT, where the datagrams arrive; of several
+    senders the first is heard, until it is silent for a second. `feed`: the driver's `feed_pose`,
+    for an autopilot that has an estimate of its own.
     """
 
     def __init__(

@@ -12,10 +12,7 @@ from firmware_bridge.messages import LinkStatus, State
 class SensorDriver:
     """A driver that adds a sensor to another.
 
-    Parameters
-    ----------
-    driver : Driver
-        Commands go to it as they are.
+    `driver`: commands go to it as they are.
     """
 
     def __init__(self, driver: Driver) -> None:
@@ -45,12 +42,8 @@ def placed(state: State, origin: tuple[float, float, float]) -> State:
 class PlacedDriver:
     """Moves a driver's poses into the frame in which the vehicle's own lies at `origin`.
 
-    Parameters
-    ----------
-    driver : Driver
-        Poses in the vehicle's own frame: where it was switched on, or the autopilot's origin.
-    origin : tuple
-        x, y [m], theta [rad] of that frame.
+    `driver`: poses in the vehicle's own frame: where it was switched on, or the autopilot's origin.
+    `origin`: x, y [m], theta [rad] of that frame.
     """
 
     def __init__(self, driver: Driver, origin: tuple[float, float, float]) -> None:

@@ -69,12 +69,7 @@ class Sight:
     sensor was at that moment, seen from the pose for which the controller plans: the mount of the
     scan.
 
-    Parameters
-    ----------
-    options : LidarOptions
-        Where it is mounted, and what counts.
-    sweep : callable
-        Newest turn of the sensor.
+    `options`: where it is mounted, and what counts. `sweep`: newest turn of the sensor.
     """
 
     def __init__(self, options: LidarOptions, sweep: Callable[[], Sweep | None]) -> None:
@@ -100,16 +95,8 @@ class Sight:
 def make_scan(options: LidarOptions, sweep: Sweep, poses: Array, state: State) -> Scan:
     """Make a scan of a turn.
 
-    Parameters
-    ----------
-    options : LidarOptions
-        Of the lidar.
-    sweep : Sweep
-        N beams.
-    poses : ndarray
-        Where the robot was at each beam and at the end, (N + 1, 3) [m, m, rad].
-    state : State
-        From where it is wanted.
+    `options`: of the lidar. `sweep`: n beams. `poses`: where the robot was at each beam and at the
+    end, (N + 1, 3) [m, m, rad]. `state`: from where it is wanted.
     """
     low, high = limits(options, sweep)
     angles = -sweep.angles if options.mirrored else sweep.angles

@@ -24,14 +24,8 @@ def with_lidar(driver: Driver, options: LidarOptions) -> SightedDriver:
 class SightedDriver(SensorDriver):
     """A driver whose status tells the age and the faults of a lidar, too.
 
-    Parameters
-    ----------
-    driver : Driver
-        Not yet connected.
-    lidar : Lidar
-        Not yet connected; it is opened and closed with the driver.
-    options : LidarOptions
-        Of the lidar.
+    `driver`: not yet connected. `lidar`: not yet connected; it is opened and closed with the
+    driver. `options`: of the lidar.
     """
 
     def __init__(self, driver: Driver, lidar: Lidar, options: LidarOptions) -> None:

@@ -29,16 +29,9 @@ def adapted_model(
 ) -> KoopmanModel:
     """Apply gains to a learned model.
 
-    Parameters
-    ----------
-    base : KoopmanModel
-        The learned one.
-    gains : Gains
-        Of the velocity ahead and to the left, of the turn rate, the pull, and of speeds sideways.
-    noise : NoiseModel
-        Of the residuals that the gains leave.
-    told : dict
-        What is kept in the model's `info` beside the gains.
+    `base`: the learned one. `gains`: of the velocity ahead and to the left, of the turn rate, the
+    pull, and of speeds sideways. `noise`: of the residuals that the gains leave. `told`: what is
+    kept in the model's `info` beside the gains.
     """
     mix = np.array(
         [[gains.ahead, -gains.left, 0.0], [gains.left, gains.ahead, 0.0], [0.0, 0.0, gains.turn]]

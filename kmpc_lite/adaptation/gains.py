@@ -77,16 +77,9 @@ def _by_block(gains: Gains) -> Array:
 def evidence(steps: Array, noise: Array, white: Array, length: float) -> Evidence:
     """Weigh steps (n, STEP_SIZE) by their noise.
 
-    Parameters
-    ----------
-    steps : ndarray
-        The newest first.
-    noise : ndarray
-        (3, 3, 3) covariance of residuals by 1, v^2, omega^2.
-    white : ndarray
-        (2,) what whitening leaves of position and heading.
-    length : float
-        The robot's unit of length [m].
+    `steps`: the newest first. `noise`: (3, 3, 3) covariance of residuals by 1, v^2, omega^2.
+    `white`: (2,) what whitening leaves of position and heading. `length`: the robot's unit of
+    length [m].
     """
     columns = steps.T
     px, py, dx, dy, h, g, turned, sx, sy, *late = columns[WHITE]
@@ -109,18 +102,10 @@ def estimate(
 ) -> tuple[Array, Array]:
     """Estimate gains (..., 5), and their squared distance (...) to those in use in standard errors.
 
-    Parameters
-    ----------
-    sums : tuple of ndarray
-        Normal equations (..., 2, 4 + J, 4 + J), J of lags; how many steps tell of moving, and of
-        turning (..., 2).
-    now : Gains
-        Those in use, which a prior keeps where a drive does not show them.
-    length : float
-        The robot's unit of length [m].
-    scaled : bool
-        Whether the variance of the residuals is measured; else it is the noise model's, so that
-        sets of steps compare.
+    `sums`: normal equations (..., 2, 4 + J, 4 + J), J of lags; how many steps tell of moving, and
+    of turning (..., 2). `now`: those in use, which a prior keeps where a drive does not show them.
+    `length`: the robot's unit of length [m]. `scaled`: whether the variance of the residuals is
+    measured; else it is the noise model's, so that sets of steps compare.
     """
     equations, counts = sums[0], sums[1][..., None]
     size = equations.shape[-1]

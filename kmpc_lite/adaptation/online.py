@@ -68,22 +68,11 @@ class OnlineAdaptation:
     The covariance of the residuals is measured anew with every model given, so that margins grow on
     a floor that slips more.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        Learned with ``method="integral"``. Its noise model, if any, weighs the steps.
-    options : AdaptationOptions, optional
-        What can be tuned.
-    scale : Scale, optional
-        The robot's units; those of a robot of 0.15 m and 0.6 m/s if not given.
-    steered : bool
-        Whether wheels are steered: gains beyond 0.8 to 1.25 then end the adaptation, the
-        learned model returns, and `ended` says why.
-
-    Raises
-    ------
-    ModelError
-        For a discrete model, or a memory shorter than the window.
+    `model`: learned with ``method="integral"``. Its noise model, if any, weighs the steps.
+    `options`: what can be tuned. `scale`: the robot's units; those of a robot of 0.15 m and 0.6 m/s
+    if not given. `steered`: whether wheels are steered: gains beyond 0.8 to 1.25 then end the
+    adaptation, the learned model returns, and `ended` says why. Raises ModelError for a discrete
+    model, or a memory shorter than the window.
 
     Examples
     --------
@@ -157,25 +146,11 @@ class OnlineAdaptation:
     ) -> KoopmanModel | None:
         """Take in one period.
 
-        Parameters
-        ----------
-        x, u, x_next : array_like
-            Pose before (3,) [m, m, rad], command held (2,) [m/s, rad/s], pose after (3,); any
-            multiple of 2 pi in the headings.
-        history : array_like, optional
-            The L commands before `u`, oldest first, (L, 2), for a model with input history; zeros
-            if not given.
-
-        Returns
-        -------
-        KoopmanModel or None
-            A better model than the one in use, to be used from now on; None as long as there is
-            none.
-
-        Raises
-        ------
-        ValueError
-            For wrong shapes, and for nothing else.
+        `x`, `u`, `x_next`: pose before (3,) [m, m, rad], command held (2,) [m/s, rad/s], pose after
+        (3,); any multiple of 2 pi in the headings. `history`: the L commands before `u`, oldest
+        first, (L, 2), for a model with input history; zeros if not given. Returns a better model
+        than the one in use, to be used from now on; None as long as there is none. Raises
+        ValueError for wrong shapes, and for nothing else.
         """
         before, command, after, past = one_period(x, u, x_next, history, self.base)
         state = self.state

@@ -37,14 +37,8 @@ the sooner an old pose is forgotten."""
 class Steps:
     """Makes steps of periods, and leaves out those without information.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        The learned one.
-    noise : ndarray
-        (3, 3, 3) covariance of its residuals by the command, as `NoiseModel` has it.
-    scale : Scale
-        The robot's units.
+    `model`: the learned one. `noise`: (3, 3, 3) covariance of its residuals by the command, as
+    `NoiseModel` has it. `scale`: the robot's units.
 
     Attributes
     ----------
@@ -140,20 +134,9 @@ def whitening(noise: Array, dt: float, scale: Scale) -> tuple[Array, Array]:
     is measured with noise while the floor moves it at random (steady-state Kalman filter). Without
     noise of the poses nothing is carried on.
 
-    Parameters
-    ----------
-    noise : ndarray
-        Learned covariance of a step's residuals by the command, (3, 3, 3).
-    dt : float
-        Period [s].
-    scale : Scale
-        The robot's units.
-
-    Returns
-    -------
-    carried, white : ndarray
-        For position and heading, (2,): the share that is carried on, and the variance of what is
-        new as a share of a single step's.
+    `noise`: learned covariance of a step's residuals by the command, (3, 3, 3). `dt`: period [s].
+    `scale`: the robot's units. Returns `carried`, `white`: for position and heading, (2,): the
+    share that is carried on, and the variance of what is new as a share of a single step's.
     """
     usual = np.array((USUAL[0] * scale.speed, USUAL[1] / scale.time))
     at_rest, by_speed, by_turn_rate = noise[:, [0, 2], [0, 2]]
@@ -170,10 +153,7 @@ def one_period(
 ) -> tuple[Array, Array, Array, Array | None]:
     """Pose before, command, pose after and the commands before that a model needs, as arrays.
 
-    Raises
-    ------
-    ValueError
-        For wrong shapes.
+    Raises ValueError for wrong shapes.
     """
     before, command, after = (np.asarray(value, dtype=float) for value in (x, u, x_next))
     if before.shape != (STATES,) or command.shape != (model.inputs,) or after.shape != (STATES,):

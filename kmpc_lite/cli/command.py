@@ -72,21 +72,9 @@ def refuse_unread(
 ) -> None:
     """Refuse options that were given, and that the job that was asked for does not read.
 
-    Parameters
-    ----------
-    prog : str
-        Whose help explains it: ``kmpc bench``.
-    job : str
-        What was asked for: ``kmpc bench --fit``.
-    options : argparse.Namespace
-        None or False is what a command line does not name.
-    shared, reads : sequence of str
-        Options that not every job reads, and those that this one does: ``--drives``.
-
-    Raises
-    ------
-    UsageError
-        In one line.
+    `prog`: whose help explains it: ``kmpc bench``. `job`: what was asked for: ``kmpc bench --fit``.
+    `options`: None or False is what a command line does not name. `shared`, `reads`: options that
+    not every job reads, and those that this one does: ``--drives``. Raises UsageError: in one line.
     """
 
     def is_given(option: str) -> bool:
@@ -195,13 +183,9 @@ def load(where: str) -> Command:
 def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None) -> Parser:
     """Build the parser of `kmpc`.
 
-    Parameters
-    ----------
-    commands : mapping
-        As `known_commands` gives them.
-    words : iterable of str, optional
-        Command line that is going to be parsed: only the command it names is imported. All of them
-        are where it names none, or if no command line is given.
+    `commands`: as `known_commands` gives them. `words`: command line that is going to be parsed:
+    only the command it names is imported. All of them are where it names none, or if no command
+    line is given.
     """
     start = "demo" if "demo" in commands else "inspect"
     parser = Parser(

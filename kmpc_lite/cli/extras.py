@@ -43,17 +43,8 @@ def is_installed(module: str) -> bool:
 def need(what: str, *modules: str) -> None:
     """Refuse where a module is missing.
 
-    Parameters
-    ----------
-    what : str
-        Which needs it: "a report".
-    modules : str
-        Names of `EXTRAS`.
-
-    Raises
-    ------
-    MissingExtra
-        With the line that installs it.
+    `what`: which needs it: "a report". `modules`: names of `EXTRAS`. Raises MissingExtra with the
+    line that installs it.
     """
     for module in modules:
         if not is_installed(module):
@@ -74,17 +65,8 @@ def pip_line(module: str) -> str:
 def part(what: str, name: str) -> Any:
     """Load what kmpc-lab adds to a command.
 
-    Parameters
-    ----------
-    what : str
-        Which needs it: "--plot".
-    name : str
-        Of its entry point among `PARTS`.
-
-    Raises
-    ------
-    MissingExtra
-        Where kmpc-lab is not installed, with the line that installs it.
+    `what`: which needs it: "--plot". `name`: of its entry point among `PARTS`. Raises MissingExtra
+    where kmpc-lab is not installed, with the line that installs it.
     """
     for point in metadata.entry_points(group=PARTS, name=name):
         return point.load()

@@ -144,10 +144,7 @@ def tell_learned(learned: Learned, told: list[str], verbose: bool = False) -> li
 def learning_options(options: argparse.Namespace) -> LearningOptions:
     """Put together what the command line says of the fit.
 
-    Raises
-    ------
-    KmpcError
-        For what does not go together.
+    Raises KmpcError for what does not go together.
     """
     from kmpc_lite.learn.learning import LearningOptions
 
@@ -171,10 +168,7 @@ def learning_options(options: argparse.Namespace) -> LearningOptions:
 def read_lags(given: list[str] | None, free: bool) -> Literal["auto"] | list[int] | None:
     """Read what --lags says: "auto" if nothing is said and nothing speaks against it.
 
-    Raises
-    ------
-    DataError
-        For anything but auto, none or whole numbers, and for auto with a free fit.
+    Raises DataError for anything but auto, none or whole numbers, and for auto with a free fit.
     """
     if given is None:
         return None if free else "auto"

@@ -24,10 +24,7 @@ FEWEST_OF_LOOP = 2
 def pose(words: Sequence[str]) -> tuple[float, float, float]:
     """Read x, y [m] and theta: radians, or degrees with the suffix ``deg``.
 
-    Raises
-    ------
-    ArgumentTypeError
-        For what is no number, and for radians of more than a turn.
+    Raises ArgumentTypeError for what is no number, and for radians of more than a turn.
 
     Examples
     --------
@@ -88,10 +85,7 @@ def add_goal_options(add: Callable[..., object], without: str) -> None:
 def goals_of(options: argparse.Namespace) -> list[tuple[float, float, float]]:
     """Give the goals of a command line, none if the scenario's count.
 
-    Raises
-    ------
-    ScenarioError
-        Names the option, or file and line.
+    Raises ScenarioError: names the option, or file and line.
     """
     given = vars(options)
     goals, route = given.get("goal") or [], given.get("route")
@@ -107,10 +101,7 @@ def goals_of(options: argparse.Namespace) -> list[tuple[float, float, float]]:
 def read_route(path: Path) -> list[tuple[float, float, float]]:
     """Read the goals of a CSV file with the columns x, y, theta.
 
-    Raises
-    ------
-    ScenarioError
-        Names the file and the line.
+    Raises ScenarioError: names the file and the line.
     """
     try:
         rows = csv.reader(read_bytes(path, LARGEST_ROUTE).decode("utf-8-sig").splitlines())

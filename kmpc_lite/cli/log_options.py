@@ -59,10 +59,7 @@ def add_force(parser: argparse.ArgumentParser) -> None:
 def read_options(options: argparse.Namespace) -> ReadOptions:
     """Put together what the command line says of the logs.
 
-    Raises
-    ------
-    DataError
-        For what cannot be understood.
+    Raises DataError for what cannot be understood.
     """
     from kmpc_lite.cli.progress import ProgressBar
     from kmpc_lite.learn.logs import ReadOptions

@@ -30,10 +30,7 @@ BAD_INPUT, INTERRUPTED, NOBODY_READS = 2, 130, 141
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit status.
 
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line without the program's name; the process's own if not given.
+    `arguments`: command line without the program's name; the process's own if not given.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)

@@ -17,12 +17,7 @@ WIDTH = 30
 class ProgressBar:
     """Bar with an estimate of the time left, once there is something to estimate it from.
 
-    Parameters
-    ----------
-    label : str
-        What is under way.
-    quiet : bool
-        Draw nothing, even on a terminal.
+    `label`: what is under way. `quiet`: draw nothing, even on a terminal.
     """
 
     def __init__(self, label: str, quiet: bool = False) -> None:
@@ -66,12 +61,8 @@ def remaining(seconds: float | None) -> str:
 def watching(line: Callable[[], str], quiet: bool = False) -> Iterator[None]:
     """Show a line while something runs that calls nobody: a robot that is driven in real time.
 
-    Parameters
-    ----------
-    line : callable
-        Gives the text; called in a thread of its own.
-    quiet : bool
-        Show nothing, even on a terminal.
+    `line`: gives the text; called in a thread of its own. `quiet`: show nothing, even on a
+    terminal.
     """
     if quiet or not sys.stderr.isatty():
         yield

@@ -31,10 +31,7 @@ def drive_overrides(options: argparse.Namespace, tuning: Sequence[str]) -> Drive
 def split_settings(items: Sequence[str], sections: Sequence[str]) -> tuple[list[str], list[str]]:
     """Tell what is a robot file's (its sections) from what is the controller's (its groups).
 
-    Raises
-    ------
-    ScenarioError
-        For a name that is neither.
+    Raises ScenarioError for a name that is neither.
     """
     from dataclasses import fields
 

@@ -64,12 +64,7 @@ class Events:
 class Answers:
     """Makes plans.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        In metres and seconds.
-    scale : Scale
-        The robot's units.
+    `problem`: in metres and seconds. `scale`: the robot's units.
     """
 
     def __init__(self, problem: NavigationProblem, scale: Scale) -> None:

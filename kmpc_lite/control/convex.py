@@ -22,20 +22,9 @@ def convex_outline(
 ) -> tuple[tuple[float, float], ...]:
     """Check corners (K, 2) of a convex outline [m], and give them counter-clockwise.
 
-    Parameters
-    ----------
-    vertices : array_like
-        In order, either way around.
-    what : str
-        What they are the corners of, for errors.
-    most_corners : int
-        How many it may have.
-
-    Raises
-    ------
-    ProblemError
-        For fewer than three corners or too many, an outline that is not convex or has no area, or
-        values that are not finite.
+    `vertices`: in order, either way around. `what`: what they are the corners of, for errors.
+    `most_corners`: how many it may have. Raises ProblemError for fewer than three corners or too
+    many, an outline that is not convex or has no area, or values that are not finite.
     """
     corners = real_array(vertices, what, ProblemError)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:

@@ -35,12 +35,7 @@ if TYPE_CHECKING:
 class Guiding:
     """Asks the guide for the reference of a step.
 
-    Parameters
-    ----------
-    units : NavigationProblem
-        In the robot's units.
-    guide : Guide or None
-        Finds paths.
+    `units`: in the robot's units. `guide`: finds paths.
     """
 
     def __init__(self, units: NavigationProblem, guide: Guide | None) -> None:

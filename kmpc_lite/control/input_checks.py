@@ -20,10 +20,7 @@ EXPECTED = f"expected finite numbers, none beyond {POSITION_LIMIT:g}"
 def to_numbers(name: str, values: ArrayLike) -> Array:
     """Copy of what a caller gave, as numbers.
 
-    Raises
-    ------
-    ValueError
-        For what is none.
+    Raises ValueError for what is none.
     """
     try:
         return np.array(values, dtype=float)
@@ -36,10 +33,7 @@ def step_numbers(
 ) -> tuple[Array, Array, Array | None]:
     """Pose (3,), goal (3,) and command sent (inputs,) of a step, as numbers of any value.
 
-    Raises
-    ------
-    ValueError
-        For wrong shapes and what is no numbers, and for nothing else.
+    Raises ValueError for wrong shapes and what is no numbers, and for nothing else.
     """
     pose, target = to_numbers("x", x), to_numbers("goal", goal)
     if pose.shape != (STATES,) or target.shape != (STATES,):

@@ -10,12 +10,7 @@ thirds of it. Counted, not timed: how rarely work is late hangs on how often it 
 def longest_lately(before: float, took: float) -> float:
     """Longest of the recent times [s]: it grows at once and shrinks slowly.
 
-    Parameters
-    ----------
-    before : float
-        What this function returned for the time before [s].
-    took : float
-        The newest time [s].
+    `before`: what this function returned for the time before [s]. `took`: the newest time [s].
 
     Examples
     --------
@@ -28,14 +23,9 @@ def longest_lately(before: float, took: float) -> float:
 def newest_weight(memory: float, period: float, longest: float) -> float:
     """Weight of the newest value in a running mean.
 
-    Parameters
-    ----------
-    memory : float
-        For how long values count [s]; where that is shorter than a period, the newest alone does.
-    period : float
-        Between two values [s].
-    longest : float
-        Period that a longer one counts as [s], so that a mean keeps as many values as with this.
+    `memory`: for how long values count [s]; where that is shorter than a period, the newest alone
+    does. `period`: between two values [s]. `longest`: period that a longer one counts as [s], so
+    that a mean keeps as many values as with this.
 
     Examples
     --------

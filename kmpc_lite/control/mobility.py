@@ -34,11 +34,8 @@ AXES = (("speed", "m/s"), ("turn rate", "rad/s"))
 def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProblem:
     """Return the problem within what the model knows of how fast its robot changes its speeds.
 
-    Raises
-    ------
-    ProblemError
-        For limits, or a model, with which the robot would stand for ever: names the limit, and what
-        the robot could do at the most.
+    Raises ProblemError for limits, or a model, with which the robot would stand for ever: names the
+    limit, and what the robot could do at the most.
     """
     ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
     problem = within_ramps(problem, ramps)

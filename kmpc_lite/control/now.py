@@ -126,10 +126,7 @@ class Admission:
     ) -> Now:
         """Take in a step's arguments, in metres and seconds, and what it works with.
 
-        Raises
-        ------
-        ValueError
-            For wrong shapes and what is no numbers, and for nothing else.
+        Raises ValueError for wrong shapes and what is no numbers, and for nothing else.
         """
         pose, target, command = step_numbers(x, goal, sent, self._scale.inputs)
         if command is not None and not is_plausible(command):

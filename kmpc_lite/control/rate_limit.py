@@ -20,10 +20,7 @@ LITTLE = 1e-9
 class RateLimit:
     """Limits on the change of commands from one period to the next, and braking ramps.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        `du_max`, `deceleration`, and the period.
+    `problem`: `du_max`, `deceleration`, and the period.
 
     Attributes
     ----------

@@ -146,10 +146,8 @@ def choose_adaptation(
     Nor does it by default if the robot answers later than the model knows, or is steered by wheels:
     it would take the delay for gains.
 
-    Raises
-    ------
-    ProblemError
-        For one that was made for another model, or for a robot of another size or speed.
+    Raises ProblemError for one that was made for another model, or for a robot of another size or
+    speed.
     """
     scale, steered = problem.scale, not problem.wheels.turns_on_the_spot
     if adaptation is None:

@@ -41,16 +41,8 @@ class StandstillWatch:
     ) -> tuple[str, GoalProgress]:
         """Give reason and progress, with why the robot has stood where it has stood for long.
 
-        Parameters
-        ----------
-        now : Now
-            The step; its state is updated.
-        command : ndarray
-            (2,) of the coming period.
-        reason : str
-            Why it does not drive, by the guide.
-        progress : GoalProgress
-            What it does about its goal, by the guide.
+        `now`: the step; its state is updated. `command`: (2,) of the coming period. `reason`: why
+        it does not drive, by the guide. `progress`: what it does about its goal, by the guide.
         """
         # without guidance a robot at its goal is told to be driving
         state, here, aim = now.state.standstill, now.here.tolist(), tuple(now.goal.tolist())

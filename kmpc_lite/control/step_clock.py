@@ -12,12 +12,7 @@ LEAST_AFTER_SOLVE = 5e-5
 class StepClock:
     """Laps of one step.
 
-    Parameters
-    ----------
-    clock : callable
-        Gives the time [s].
-    budget : float or None
-        Longest that the step may take [s].
+    `clock`: gives the time [s]. `budget`: longest that the step may take [s].
     """
 
     def __init__(self, clock: Callable[[], float], budget: float | None) -> None:

@@ -39,14 +39,9 @@ def with_tracking_weights(
     it good: `Q_terminal` is Q for so many periods. A quadratic cost of the way alone arrives beside
     the goal (Müller and Worthmann 2017, "Quadratic costs do not always work in MPC").
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        In the robot's units.
-    gains : tuple, optional
-        Speed and rate of turn that a robot reaches, as shares of what it is told: what is weighed
-        is the motion, and a robot that turns by a third of what it is told needs three times the
-        command for it.
+    `problem`: in the robot's units. `gains`: speed and rate of turn that a robot reaches, as shares
+    of what it is told: what is weighed is the motion, and a robot that turns by a third of what it
+    is told needs three times the command for it.
     """
     q = np.diag(TRACKING_Q) if problem.Q is None else problem.Q
     r = TRACKING_R[0] * gains[0] ** 2, TRACKING_R[1] * gains[1] ** 2

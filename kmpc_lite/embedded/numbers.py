@@ -195,10 +195,7 @@ def model_numbers(
 
     `firmware_bridge.drivers.onboard.model` makes a message of them.
 
-    Raises
-    ------
-    ProblemError
-        For a model or a problem that the C code does not have.
+    Raises ProblemError for a model or a problem that the C code does not have.
     """
     return model_of(controller_of(model, problem, tightening=tightening, options=options))
 

@@ -38,23 +38,10 @@ def scores(model: KoopmanModel, held_out: Dataset) -> Array:
     Windows are as long as the tube remembers. They do not overlap, so that they are as independent
     as the drives allow.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        Its noise model gives the ellipses.
-    held_out : Dataset
-        Drives that the model was not fitted to.
-
-    Returns
-    -------
-    ndarray
-        (n,) dimensionless: the position's deviation under feedback, measured by the ellipse of its
-        stage. For a model with noise sources two poses in a row must show it.
-
-    Raises
-    ------
-    DataError
-        For another dt, or if no episode is as long as a window.
+    `model`: its noise model gives the ellipses. `held_out`: drives that the model was not fitted
+    to. Returns (n,) dimensionless: the position's deviation under feedback, measured by the ellipse
+    of its stage. For a model with noise sources two poses in a row must show it. Raises DataError
+    for another dt, or if no episode is as long as a window.
     """
     if abs(held_out.dt - model.dt) > SAME_DT * model.dt:
         raise DataError(

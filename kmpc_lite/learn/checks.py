@@ -357,10 +357,7 @@ class LogVerdict(NamedTuple):
     def refuse(self, log: Log) -> None:
         """Refuse a log in which something is suspect.
 
-        Raises
-        ------
-        DataError
-            In one line, with the option that mends it.
+        Raises DataError: in one line, with the option that mends it.
         """
         if self.suspects:
             count = len(self.suspects) - 1
@@ -372,10 +369,7 @@ class LogVerdict(NamedTuple):
 def judge(log: Log) -> LogVerdict:
     """Look at a log with every check, in the order of `CHECKS`.
 
-    Parameters
-    ----------
-    log : Log
-        As it was read, with what the user said of units and frames.
+    `log`: as it was read, with what the user said of units and frames.
     """
     if still := _find_still(log):
         return LogVerdict((still,))
@@ -421,10 +415,7 @@ def refuse_late(name: str, delay: float, dt: float) -> None:
 
     A robot that is driven by such a model does not see what it does, and runs into what it sees.
 
-    Raises
-    ------
-    DataError
-        With the options that mend it.
+    Raises DataError with the options that mend it.
     """
     if delay > TOO_LATE * max(LONGEST, dt):
         raise DataError(

@@ -151,17 +151,10 @@ def find_coverage(
 ) -> Coverage:
     """Tell how much of each way of driving a log shows.
 
-    Parameters
-    ----------
-    stretches : sequence of ndarray
-        Commands of each stretch without a gap, one row a period, (T, m).
-    dt : float
-        Period [s].
-    limits : tuple, optional
-        Largest speed forward and back [m/s] and turn rate [rad/s] that the robot is to drive; the
-        largest of the log if not given. A robot that must not reverse has zero for back.
-    steered : bool
-        Whether it is a car, which cannot turn on the spot.
+    `stretches`: commands of each stretch without a gap, one row a period, (T, m). `dt`: period [s].
+    `limits`: largest speed forward and back [m/s] and turn rate [rad/s] that the robot is to drive;
+    the largest of the log if not given. A robot that must not reverse has zero for back. `steered`:
+    whether it is a car, which cannot turn on the spot.
     """
     rows = np.concatenate([np.empty((0, 2)), *(np.asarray(s)[:, [0, -1]] for s in stretches)])
     if limits is None:

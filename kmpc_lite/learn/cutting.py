@@ -145,20 +145,9 @@ def _even_period(log: Log, whole: Array) -> float:
 def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Episode]:
     """Make episodes of a log.
 
-    Parameters
-    ----------
-    log : Log
-        In SI units.
-    dt : float, optional
-        Period [s]. Without it a table must be evenly sampled and keeps its own; other logs get
-        0.1 s, or that of their poses if it is longer.
-    gap : float, optional
-        A longer time between poses [s] ends an episode.
-
-    Raises
-    ------
-    DataError
-        If no episode is left.
+    `log`: in SI units. `dt`: period [s]. Without it a table must be evenly sampled and keeps its
+    own; other logs get 0.1 s, or that of their poses if it is longer. `gap`: a longer time between
+    poses [s] ends an episode. Raises DataError if no episode is left.
     """
     time, (when, held) = log.poses.time, _held(log)
     steps, stretch = np.diff(time), stretches(log)

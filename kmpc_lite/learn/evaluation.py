@@ -192,12 +192,7 @@ class Comparison:
 def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     """Compare a model with the nominal robot on a drive.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        What was learned, not from this drive.
-    episodes : sequence of Episode
-        The drive, at the model's period.
+    `model`: what was learned, not from this drive. `episodes`: the drive, at the model's period.
     """
     if not episodes:
         return Comparison(ModelVerdict.SHORT, 0)

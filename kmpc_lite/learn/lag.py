@@ -97,14 +97,8 @@ class Found:
 class Motor:
     """Numbers of a command that one motor, or several alike, obey; each with a gain of its own.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Evenly sampled episodes.
-    axes : sequence of int
-        Places of those numbers.
-    history : float
-        Time before each window that acts in it, as far as that leaves enough windows [s].
+    `dataset`: evenly sampled episodes. `axes`: places of those numbers. `history`: time before each
+    window that acts in it, as far as that leaves enough windows [s].
     """
 
     def __init__(self, dataset: Dataset, axes: Sequence[int], history: float = LONGEST) -> None:
@@ -138,17 +132,9 @@ class Motor:
     ) -> tuple[Array, Array]:
         """Errors of responses, each with the gains that suit it best.
 
-        Parameters
-        ----------
-        responses : sequence of Response
-            What is compared.
-        told : sequence of ndarray, optional
-            Takes the place of the commands.
-
-        Returns
-        -------
-        errors, gains : ndarray
-            (R, B) shares of the squared motion that are left in each block, and (R,) mean gains.
+        `responses`: what is compared. `told`: takes the place of the commands. Returns `errors`,
+        `gains`: (R, B) shares of the squared motion that are left in each block, and (R,) mean
+        gains.
         """
         errors, gains = np.zeros((len(responses), self.blocks)), np.zeros(len(responses))
         kernels = np.zeros((len(responses), self.longest + 1))
@@ -276,14 +262,8 @@ def _best(profile: dict[Response, Array]) -> Response:
 def mean_delay(dataset: Dataset, axes: Iterable[int] | None = None, sure: bool = True) -> float:
     """Mean delay of motion behind its commands [s]; zero if none is sure, where that is asked.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Evenly sampled episodes.
-    axes : iterable of int, optional
-        Which numbers of a command are looked at; all if not given.
-    sure : bool
-        Whether a delay must explain more than none, beyond chance.
+    `dataset`: evenly sampled episodes. `axes`: which numbers of a command are looked at; all if not
+    given. `sure`: whether a delay must explain more than none, beyond chance.
 
     Examples
     --------

@@ -87,23 +87,10 @@ def learn(
 ) -> Learned:
     """Learn a model from a part of a log, check and calibrate it on the rest.
 
-    Parameters
-    ----------
-    data : Dataset
-        The whole log, as `load_logs` gives it.
-    logs : sequence of Path
-        The files that it was read from.
-    options : LearningOptions, optional
-        How.
-    vehicle : mapping, optional
-        What the logs, or the user, say of the vehicle; see `read_vehicle`.
-    shape : mapping, optional
-        What the user says of its size: `radius` [m], or `footprint`, its corners.
-
-    Raises
-    ------
-    DataError
-        If the log is too short to split, or cannot determine a model.
+    `data`: the whole log, as `load_logs` gives it. `logs`: the files that it was read from.
+    `options`: how. `vehicle`: what the logs, or the user, say of the vehicle; see `read_vehicle`.
+    `shape`: what the user says of its size: `radius` [m], or `footprint`, its corners. Raises
+    DataError if the log is too short to split, or cannot determine a model.
     """
     options = LearningOptions() if options is None else options
     # before the log is cut: a piece does not tell how fast the robot drives where it begins, and
@@ -204,10 +191,7 @@ def split_log(
 
     One of few episodes is cut into windows before.
 
-    Raises
-    ------
-    DataError
-        If it is too short; names its files.
+    Raises DataError if it is too short; names its files.
     """
     if len(data) < FEWEST_EPISODES:
         data = data.windows(max(WINDOW, WINDOW_STEPS * data.dt))

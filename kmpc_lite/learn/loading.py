@@ -30,23 +30,11 @@ def load_logs(
 ) -> Dataset:
     """Read logs of one robot at one period, and refuse what is suspect.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files and folders, of any format.
-    dt : float, optional
-        Period [s]; 0.1, or the first log's own if longer, if not given.
-    gap : float, optional
-        A longer time between poses ends an episode [s].
-    how : ReadOptions, optional
-        How the logs are to be read; with ``force`` suspects are reported instead of refused.
-    tell : callable, optional
-        Takes lines about what each log is.
-
-    Raises
-    ------
-    DataError
-        For whatever is wrong, or suspect; where a log is given twice.
+    `paths`: files and folders, of any format. `dt`: period [s]; 0.1, or the first log's own if
+    longer, if not given. `gap`: a longer time between poses ends an episode [s]. `how`: how the
+    logs are to be read; with ``force`` suspects are reported instead of refused. `tell`: takes
+    lines about what each log is. Raises DataError for whatever is wrong, or suspect; where a log is
+    given twice.
     """
     how, tell = how or ReadOptions(), tell or (lambda line: None)
     gap = None if gap is None else check_time("gap", gap)
@@ -81,10 +69,7 @@ def read_files(
 def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, LogVerdict]:
     """Read one log as closely as a period [s] needs, and refuse what is suspect in it.
 
-    Raises
-    ------
-    DataError
-        If it cannot be read, or is suspect and not forced.
+    Raises DataError if it cannot be read, or is suspect and not forced.
     """
     if dt is not None:
         how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
@@ -145,10 +130,7 @@ class Findings:
 def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     """Read a log and look at it, also one whose time runs back.
 
-    Raises
-    ------
-    DataError
-        If it cannot be read.
+    Raises DataError if it cannot be read.
     """
     how, suspects = how or ReadOptions(), list[str]()
     try:

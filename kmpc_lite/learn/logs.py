@@ -88,10 +88,7 @@ def parse_units(units: Mapping[str, str]) -> dict[str, Unit]:
 
     A number instead of a name is the unit's size: ``0.0025`` [m/s] for steps of a motor's board.
 
-    Raises
-    ------
-    DataError
-        For a column or a unit that nobody knows.
+    Raises DataError for a column or a unit that nobody knows.
 
     Examples
     --------
@@ -182,10 +179,7 @@ class Log:
 class ReadOptions:
     """How files are to be read, as far as they do not tell themselves.
 
-    Raises
-    ------
-    DataError
-        For units, frames or names that nobody knows.
+    Raises DataError for units, frames or names that nobody knows.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)

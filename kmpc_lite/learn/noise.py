@@ -80,10 +80,7 @@ def prediction_errors(
 ) -> tuple[Array, Array]:
     """Errors of predictions after each period, in the robot's predicted frame, and their commands.
 
-    Returns
-    -------
-    errors, inputs : ndarray
-        (n, T, 3) [m, m, rad] and (n, T, m); n may be zero.
+    Returns `errors`, `inputs`: (n, T, 3) [m, m, rad] and (n, T, m); n may be zero.
     """
     steps = max(2, round(seconds / dataset.dt))
     x, before, future = dataset.every_piece(steps, model.history, most=STARTS)

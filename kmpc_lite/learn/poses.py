@@ -29,12 +29,7 @@ LOST = 3.0
 def tell_poses(log: Log, dt: float) -> list[str]:
     """What is remarkable in the poses, one line each.
 
-    Parameters
-    ----------
-    log : Log
-        In SI units.
-    dt : float
-        The model's period [s].
+    `log`: in SI units. `dt`: the model's period [s].
     """
     time, poses = log.poses.time, log.poses.values
     new = np.concatenate([[True], np.any(np.diff(poses, axis=0) != 0.0, axis=1)])

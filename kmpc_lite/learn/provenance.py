@@ -40,16 +40,8 @@ def describe_making(
 ) -> dict[str, Any]:
     """Values for a model's `info`, which JSON can hold.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        What was learned.
-    logs : sequence of Path
-        From which files.
-    data : Dataset
-        The whole log, with what the model was checked on.
-    vehicle : mapping, optional
-        What the log, or the user, says of the vehicle.
+    `model`: what was learned. `logs`: from which files. `data`: the whole log, with what the model
+    was checked on. `vehicle`: what the log, or the user, says of the vehicle.
     """
     made: dict[str, Any] = {
         "log": [str(file) for file in logs],
@@ -89,17 +81,9 @@ def driven_speeds(data: Dataset) -> dict[str, float]:
 def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, Any] | None:
     """What logs say of their vehicle; None if none of them says anything.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        Logs of any kind, and folders; tables of text may begin with a remark on the vehicle.
-    name : str, optional
-        Name of the vehicle, which goes before the logs' own.
-
-    Raises
-    ------
-    DataError
-        If two logs are of different vehicles.
+    `files`: logs of any kind, and folders; tables of text may begin with a remark on the vehicle.
+    `name`: name of the vehicle, which goes before the logs' own. Raises DataError if two logs are
+    of different vehicles.
     """
     found: dict[str, Any] = {}
     first = None

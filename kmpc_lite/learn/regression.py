@@ -53,10 +53,7 @@ def _trigonometry(dictionary: Dictionary) -> Trigonometry:
 def wants_symmetry(symmetric: bool | None, method: str, dictionary: Dictionary) -> bool:
     """What `symmetric` means: None is True for the integral fit of a dictionary that allows it.
 
-    Raises
-    ------
-    DataError
-        For True with a method or a dictionary that cannot be.
+    Raises DataError for True with a method or a dictionary that cannot be.
     """
     if symmetric is None:
         return method == "integral" and find_trigonometry(dictionary) is not None

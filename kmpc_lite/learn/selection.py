@@ -159,15 +159,9 @@ class Selection:
 def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int] = ()) -> Selection:
     """Find how late the robot answers, choose slip terms and gains, and fit them.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        What is fitted.
-    whole : Dataset, optional
-        What lags and terms are chosen on: the log of which `dataset` is a part; `dataset` if not
-        given.
-    stay : collection of int
-        Directions (`ALONG`, `ACROSS`, `HEADING`) that stay those of the nominal robot.
+    `dataset`: what is fitted. `whole`: what lags and terms are chosen on: the log of which
+    `dataset` is a part; `dataset` if not given. `stay`: directions (`ALONG`, `ACROSS`, `HEADING`)
+    that stay those of the nominal robot.
     """
     log = dataset if whole is None else whole
     limits, m = largest_inputs(dataset.inputs), dataset.commands
@@ -384,19 +378,9 @@ def simplest(errors: Array, sizes: Sequence[int]) -> int:
 def solve_columns(moment: Array, columns: Array, base: Array) -> Array:
     """Least squares in some weights, the others held.
 
-    Parameters
-    ----------
-    moment : ndarray
-        Second moments, the target's last, (..., p + 1, p + 1).
-    columns : ndarray
-        Which weights are free.
-    base : ndarray
-        All weights before; those not in `columns` keep these values, (p,).
-
-    Returns
-    -------
-    ndarray
-        Weights (..., p).
+    `moment`: second moments, the target's last, (..., p + 1, p + 1). `columns`: which weights are
+    free. `base`: all weights before; those not in `columns` keep these values, (p,). Returns
+    weights (..., p).
     """
     weights = np.broadcast_to(base, (*moment.shape[:-2], len(base))).copy()
     if not len(columns):

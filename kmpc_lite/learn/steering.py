@@ -51,18 +51,9 @@ ROLLS = 1e-6
 def as_car(log: Log, wheelbase: float | None = None) -> Log:
     """Give a log of steered wheels as one of speeds and turn rates.
 
-    Parameters
-    ----------
-    log : Log
-        Its commands are a speed and a steering angle, a curvature, or a servo's position, as its
-        `columns` say.
-    wheelbase : float, optional
-        Distance between the axles [m], for angles; found if not given.
-
-    Raises
-    ------
-    DataError
-        If the log does not tell how its steering turns it.
+    `log`: its commands are a speed and a steering angle, a curvature, or a servo's position, as its
+    `columns` say. `wheelbase`: distance between the axles [m], for angles; found if not given.
+    Raises DataError if the log does not tell how its steering turns it.
     """
     if log.together and log.columns[1] == CAR_OMEGA:  # saved: as it was learned from
         return replace(log, columns=("v", "omega"), steered=True)
@@ -130,10 +121,7 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
 
     Angles that steer to the other side give a wheelbase below zero.
 
-    Raises
-    ------
-    DataError
-        If the log turns too little to tell, or turns otherwise than it is steered.
+    Raises DataError if the log turns too little to tell, or turns otherwise than it is steered.
     """
     _, turned, ways = _pieces(time, poses, np.tan(angles))
     explained = (ways @ turned) ** 2 / np.maximum((ways**2).sum(axis=1), 1e-12)
@@ -145,10 +133,7 @@ def find_wheelbase(time: Array, poses: Array, angles: Array) -> float:
 def find_servo(time: Array, poses: Array, positions: Array) -> tuple[float, float]:
     """Curvature [1/m] for each 1 of a servo's positions (n,), and the position that is straight.
 
-    Raises
-    ------
-    DataError
-        If the log turns too little to tell, or turns otherwise than it is steered.
+    Raises DataError if the log turns too little to tell, or turns otherwise than it is steered.
     """
     driven, turned, ways = _pieces(time, poses, positions)
     best, least = np.zeros(2), np.inf
@@ -209,10 +194,7 @@ def _pieces(time: Array, poses: Array, slopes: Array) -> tuple[Array, Array, Arr
 def disobeyed(time: Array, poses: Array, speeds: Array) -> Array:
     """Which rows (n,) of a log lie in stretches whose commanded speeds (n,) nothing obeys.
 
-    Parameters
-    ----------
-    time, poses, speeds : ndarray
-        (n,) [s], (n, 3), and (n,) commanded [m/s].
+    `time`, `poses`, `speeds`: (n,) [s], (n, 3), and (n,) commanded [m/s].
     """
     asked = np.abs(speeds)
     window = time[:, None] + np.array((-0.5, 0.5)) * WINDOW

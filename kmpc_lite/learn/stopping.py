@@ -42,14 +42,8 @@ class Stop(NamedTuple):
 def find_stops(speeds: Array, dt: float, largest: float) -> list[Stop]:
     """Find the stops from speed in one stretch of commands.
 
-    Parameters
-    ----------
-    speeds : ndarray
-        Commanded speeds, one a period, (T,) [m/s or rad/s].
-    dt : float
-        Period [s].
-    largest : float
-        Largest speed of the robot, of the same unit.
+    `speeds`: commanded speeds, one a period, (T,) [m/s or rad/s]. `dt`: period [s]. `largest`:
+    largest speed of the robot, of the same unit.
     """
     size = np.abs(speeds)
     still = np.concatenate([[False], size <= STANDING * largest, [False]])
@@ -92,12 +86,8 @@ class Stopping:
 def measure_stopping(model: KoopmanModel, log: Dataset) -> Stopping:
     """Measure delay and deceleration of the robot in a log.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        Learned from the log: what it predicts of a stop is the lag's share of the way.
-    log : Dataset
-        All of it, those parts included that the model was not fitted to.
+    `model`: learned from the log: what it predicts of a stop is the lag's share of the way. `log`:
+    all of it, those parts included that the model was not fitted to.
     """
     # as the model has learned it, else as the log shows it: the likeliest delay even where it is
     # not sure, for one that is given too short is a stop that comes too late

@@ -69,15 +69,8 @@ def describe_fit(
 ) -> dict[str, Any]:
     """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        What was learned.
-    train, whole : Dataset
-        What it was learned from, and the log of which that is a part: what that shows is not
-        missing.
-    report : FitReport
-        Its held-out errors.
+    `model`: what was learned. `train`, `whole`: what it was learned from, and the log of which that
+    is a part: what that shows is not missing. `report`: its held-out errors.
     """
     speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
     shown = find_coverage([e.inputs for e in whole.episodes], whole.dt, steered=whole.steered)
@@ -102,12 +95,7 @@ def describe_fit(
 def describe_robot(made: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
     """What was found out of the robot itself, as values that JSON can hold.
 
-    Parameters
-    ----------
-    made : mapping
-        As `describe_making` gives it.
-    facts : mapping
-        As `describe_fit` gives them; may be empty.
+    `made`: as `describe_making` gives it. `facts`: as `describe_fit` gives them; may be empty.
     """
     told = {**made["wheels"], **made.get("geometry", {})}
     if facts:
@@ -140,14 +128,8 @@ def tell_robot(made: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
 def verdict(report: FitReport, facts: Mapping[str, Any], driven: Mapping[str, float]) -> str:
     """Tell in one line how good a model is, how fast it may be driven, and what its log lacks.
 
-    Parameters
-    ----------
-    report : FitReport
-        Its errors on what was held out.
-    facts : mapping
-        Of the fit, as `describe_fit` gives them; may be empty.
-    driven : mapping
-        Largest speeds of the log, as `driven_speeds` gives them.
+    `report`: its errors on what was held out. `facts`: of the fit, as `describe_fit` gives them;
+    may be empty. `driven`: largest speeds of the log, as `driven_speeds` gives them.
     """
     lacking = facts.get("missing", ())
     # of such a log, how it compares is known at one speed alone

@@ -98,17 +98,9 @@ class Moments(NamedTuple):
 def cut(dataset: Dataset, longest: int, length: int, seconds: float) -> Windows:
     """Cut a log into blocks of at least `seconds`.
 
-    Parameters
-    ----------
-    dataset : Dataset
-        Episodes; those too short for a history and a window are left out.
-    longest : int
-        Periods of history before every window.
-    length : int
-        Periods of a window.
-    seconds : float
-        Length of a block [s], at least that of a window, longer in a long log; an episode's
-        remainder joins its last stretch.
+    `dataset`: episodes; those too short for a history and a window are left out. `longest`: periods
+    of history before every window. `length`: periods of a window. `seconds`: length of a block [s],
+    at least that of a window, longer in a long log; an episode's remainder joins its last stretch.
     """
     size = max(length + 1, round(seconds / dataset.dt))
     stretches = []

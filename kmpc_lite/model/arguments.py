@@ -13,10 +13,7 @@ def broadcast(
 ) -> tuple[Array, Array, Array | None]:
     """Poses (..., 3), commands (..., m) and the `length` commands before them (..., length, m).
 
-    Raises
-    ------
-    ValueError
-        For wrong shapes.
+    Raises ValueError for wrong shapes.
     """
     states, commands = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
     if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (inputs,):

@@ -12,10 +12,7 @@ from kmpc_lite.errors import ModelError
 def check_info(info: Mapping[str, Any]) -> None:
     """Check what margins, guidance and reports read in a model's `info`; other values may be any.
 
-    Raises
-    ------
-    ModelError
-        Names the value that is not what a fit leaves there.
+    Raises ModelError: names the value that is not what a fit leaves there.
     """
     for name, (is_right, expected) in KNOWN.items():
         if name in info and not is_right(info[name]):

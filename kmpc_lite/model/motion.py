@@ -71,12 +71,7 @@ def unmodelled_delay(model: MotionModel) -> float:
 class ScaledModel:
     """A model that is asked, and answers, in the robot's own units.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        In metres and seconds.
-    scale : Scale
-        The units.
+    `model`: in metres and seconds. `scale`: the units.
     """
 
     def __init__(self, model: KoopmanModel, scale: Scale) -> None:

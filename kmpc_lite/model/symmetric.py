@@ -58,14 +58,7 @@ class SymmetricForm:
     ) -> SymmetricForm | None:
         """Fold the derivative of a state further; None if it is not symmetric.
 
-        Parameters
-        ----------
-        form : BilinearForm
-            Of the model.
-        dt : float
-            Period [s].
-        tableau : sequence of tuple
-            Node and weight of each stage.
+        `form`: of the model. `dt`: period [s]. `tableau`: node and weight of each stage.
         """
         dictionary, B = form.dictionary, form.B
         place = find_trigonometry(dictionary)

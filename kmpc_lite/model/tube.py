@@ -40,17 +40,8 @@ smaller one."""
 def closed_loop(by_state: Array, cos: Array, sin: Array) -> Array:
     """Jacobians of one step under feedback, for deviations from the plan.
 
-    Parameters
-    ----------
-    by_state : ndarray
-        The model's derivative by the state, (..., 3, 3).
-    cos, sin : ndarray
-        Of the planned heading, (...).
-
-    Returns
-    -------
-    ndarray
-        (..., 3, 3).
+    `by_state`: the model's derivative by the state, (..., 3, 3). `cos`, `sin`: of the planned
+    heading, (...). Returns (..., 3, 3).
     """
     out: Array = by_state.copy()
     # how far sideways a unit of heading error leads, and from it the gain by which a lateral error
@@ -133,12 +124,7 @@ def tube_noise(noise: NoiseModel | None, dt: float) -> TubeNoise:
     residuals does: a robot that stands does not move, so what residuals have left at zero command
     comes from the measured poses at both ends, and what grows with the commands is taken for white.
 
-    Parameters
-    ----------
-    noise : NoiseModel or None
-        Of the model.
-    dt : float
-        Its period [s].
+    `noise`: of the model. `dt`: its period [s].
     """
     floor, none = FLOOR**2 * np.eye(STATES), np.zeros((INPUTS, STATES, STATES))
     if noise is None:
@@ -160,19 +146,9 @@ def window_deviations(
 ) -> tuple[Array, Array]:
     """Deviations of measured drives from plans under feedback, and their expected covariances.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        Predicts.
-    x, u, x_next : ndarray
-        Windows of consecutive steps: (n, S, 3), (n, S, 2), (n, S, 3).
-    history : ndarray or None
-        Commands before each step, (n, S, L, 2).
-
-    Returns
-    -------
-    deviations, covariances : ndarray
-        Of the position after 1 to S steps, in the map's frame: (n, S, 2) and (n, S, 2, 2).
+    `model`: predicts. `x`, `u`, `x_next`: windows of consecutive steps: (n, S, 3), (n, S, 2), (n,
+    S, 3). `history`: commands before each step, (n, S, L, 2). Returns `deviations`, `covariances`:
+    of the position after 1 to S steps, in the map's frame: (n, S, 2) and (n, S, 2, 2).
     """
     lin = model.linearize(x, u, history)
     noise = tube_noise(model.noise_model, model.dt)
@@ -207,16 +183,9 @@ def window_deviations(
 class _Carried:
     """Carries what each period adds on through the later ones: feedback takes back what is old.
 
-    Parameters
-    ----------
-    free, steered : ndarray
-        Jacobians of the periods without and with feedback, (n, S, 3, 3).
-    delay : int
-        Periods until the feedback acts on what a period has added.
-    added : ndarray
-        By each period: columns (n, S, 3, c), or covariances (n, S, 3, 3).
-    squared : bool
-        Whether they are covariances.
+    `free`, `steered`: jacobians of the periods without and with feedback, (n, S, 3, 3). `delay`:
+    periods until the feedback acts on what a period has added. `added`: by each period: columns (n,
+    S, 3, c), or covariances (n, S, 3, 3). `squared`: whether they are covariances.
     """
 
     def __init__(

@@ -55,10 +55,7 @@ READERS: dict[str, Read] = {
 def read_lidar(where: str, value: Any) -> LidarSpec | None:
     """Read the section; None if there is none.
 
-    Raises
-    ------
-    ScenarioError
-        Names the key, what was expected and what came.
+    Raises ScenarioError: names the key, what was expected and what came.
     """
     if value is None:
         return None

@@ -28,16 +28,8 @@ def footprint_gaps(
 ) -> Array:
     """Distances (n,) of a robot from its nearest obstacle [m]; negative where they overlap.
 
-    Parameters
-    ----------
-    footprint : Footprint
-        Of the robot.
-    poses : ndarray
-        (n, 3) [m, m, rad].
-    circles : ndarray
-        (n, M, 3) or longer rows x, y, radius: where they are at each pose [m].
-    solids : sequence of Polygon, Wall or OccupancyGrid
-        At rest.
+    `footprint`: of the robot. `poses`: (n, 3) [m, m, rad]. `circles`: (n, M, 3) or longer rows x,
+    y, radius: where they are at each pose [m]. `solids`: at rest.
 
     Examples
     --------

@@ -15,12 +15,7 @@ from kmpc_lite.types import Array
 class World:
     """What rays meet: circles that may move, and edges at rest.
 
-    Parameters
-    ----------
-    circles : array_like
-        (M, 5) rows x, y, radius, vx, vy [m, m/s].
-    edges : array_like
-        (S, 4) rows x1, y1, x2, y2 [m].
+    `circles`: (M, 5) rows x, y, radius, vx, vy [m, m/s]. `edges`: (S, 4) rows x1, y1, x2, y2 [m].
 
     Examples
     --------
@@ -36,14 +31,8 @@ class World:
     def ranges(self, origin: Array, directions: Array, time: float = 0.0) -> Array:
         """How far rays go until they meet something, (B,) [m]; infinite if they meet nothing.
 
-        Parameters
-        ----------
-        origin : ndarray
-            Where they begin: (2,) all of them, or (B, 2) each [m].
-        directions : ndarray
-            (B,) [rad].
-        time : float
-            For which circles have moved [s].
+        `origin`: where they begin: (2,) all of them, or (B, 2) each [m]. `directions`: (B,) [rad].
+        `time`: for which circles have moved [s].
         """
         begin_x, begin_y = origin[..., 0, None], origin[..., 1, None]
         cos, sin = np.cos(directions)[:, None], np.sin(directions)[:, None]

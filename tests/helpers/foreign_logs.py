@@ -63,12 +63,9 @@ def drive(
 def write_bag(path: Path, d: Drive, kind: str = "sqlite3", **how: Any) -> Path:
     """A bag of `kind` sqlite3, mcap or ros1, with odometry and cmd_vel and some other topic.
 
-    Parameters
-    ----------
-    how : any
-        ``pose``: odom, pose or tf. ``commands``: Twist, TwistStamped, or a car's
-        AckermannDriveStamped of v and its angle. ``odoms``, ``cmds``: names of topics. ``clock``:
-        what is added to the headers' stamps [s].
+    `how`: ``pose``: odom, pose or tf. ``commands``: Twist, TwistStamped, or a car's
+    AckermannDriveStamped of v and its angle. ``odoms``, ``cmds``: names of topics. ``clock``: what
+    is added to the headers' stamps [s].
     """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin

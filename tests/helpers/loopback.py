@@ -56,10 +56,7 @@ class FaultyPath:
     ) -> tuple[list[tuple[float, bytes]], bool]:
         """Send one frame at a time [s].
 
-        Returns
-        -------
-        tuple
-            Pieces with the time at which each arrives [s], and whether the cable came out.
+        Returns pieces with the time at which each arrives [s], and whether the cable came out.
         """
         draw = self._random.random
         frames = [data]
@@ -239,17 +236,9 @@ class LoopbackEnd:
 class LoopbackWire:
     """Two ends that hear each other.
 
-    Parameters
-    ----------
-    faults : Faults
-        On frames both ways.
-    seed : int
-        Of the faults: the same frames in the same order suffer the same.
-    manual : bool
-        Without threads: nothing is delivered but by `pump`, in the caller's thread.
-    clock : callable
-        Time [s]; another than `time.monotonic` needs `manual`.
-
+    `faults`: on frames both ways. `seed`: of the faults: the same frames in the same order suffer
+    the same. `manual`: without threads: nothing is delivered but by `pump`, in the caller's thread.
+    `clock`: time [s]; another than `time.monotonic` needs `manual`.
     """
 
     def __init__(

@@ -28,16 +28,9 @@ def open_loop_errors(
 ) -> list[Array]:
     """Errors along, across [m] and of the heading [rad] of each episode's predictions, (n, 3) each.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        Predicts from the measured pose at each start.
-    episodes : iterable of Episode
-        Drives with measured poses.
-    first : float
-        Where predictions start [s]; the history of the model must fit before.
-    truth : iterable of ndarray, optional
-        Noise-free poses (T + 1, 3) to judge by.
+    `model`: predicts from the measured pose at each start. `episodes`: drives with measured poses.
+    `first`: where predictions start [s]; the history of the model must fit before. `truth`:
+    noise-free poses (T + 1, 3) to judge by.
     """
     drives = list(episodes)
     poses = [e.states for e in drives] if truth is None else list(truth)

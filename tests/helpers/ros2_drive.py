@@ -32,14 +32,8 @@ def short_course(**changes: Any) -> Scenario:
 class Drive:
     """A drive of `kmpc ros2`; both live in a namespace of their own.
 
-    Parameters
-    ----------
-    arguments : str
-        Of the command, and of ROS behind ``--ros-args``.
-    course : Scenario
-        What is driven on.
-    robot : dict
-        Fields of EmulatedRobot.
+    `arguments`: of the command, and of ROS behind ``--ros-args``. `course`: what is driven on.
+    `robot`: fields of EmulatedRobot.
     """
 
     def __init__(

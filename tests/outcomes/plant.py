@@ -55,14 +55,7 @@ class Body:
 class Vehicle:
     """Drives a `Body` by short chords.
 
-    Parameters
-    ----------
-    body : Body
-        What it is like.
-    dt : float
-        Period [s].
-    seed : int or sequence of int
-        Of the slip.
+    `body`: what it is like. `dt`: period [s]. `seed`: of the slip.
     """
 
     def __init__(self, body: Body, dt: float, seed: int | Sequence[int]) -> None:

@@ -59,10 +59,7 @@ class Aim(Enum):
 class Authority:
     """Follows the vehicle's mode and arming, and asks for changes of them.
 
-    Parameters
-    ----------
-    desk : CommandDesk
-        Sends the commands.
+    `desk`: sends the commands.
     """
 
     def __init__(self, desk: CommandDesk) -> None:

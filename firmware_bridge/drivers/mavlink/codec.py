@@ -56,21 +56,12 @@ class MavlinkCodec:
 
     One thread may feed it while others encode.
 
-    Parameters
-    ----------
-    system, component : int
-        Ids that our frames are sent with.
-    key : bytes or None
-        32 bytes: sign what is sent, refuse and count what comes unsigned or wrongly signed.
-    accept_unsigned : bool
-        With a key: count what comes unsigned or wrongly signed, and take it all the same, as
-        ArduPilot does on its first port.
-    wall_time : float
-        Unix time to start signature time stamps at [s]; signing is the one place where the protocol
-        asks for it.
-    wanted : callable, optional
-        Tells which frames to decode; others are counted and passed over, since decoding costs ten
-        times as much as finding a frame.
+    `system`, `component`: ids that our frames are sent with. `key`: 32 bytes: sign what is sent,
+    refuse and count what comes unsigned or wrongly signed. `accept_unsigned`: with a key: count
+    what comes unsigned or wrongly signed, and take it all the same, as ArduPilot does on its first
+    port. `wall_time`: unix time to start signature time stamps at [s]; signing is the one place
+    where the protocol asks for it. `wanted`: tells which frames to decode; others are counted and
+    passed over, since decoding costs ten times as much as finding a frame.
     """
 
     def __init__(

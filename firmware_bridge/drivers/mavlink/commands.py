@@ -33,10 +33,7 @@ class CommandDesk:
 
     An acknowledgement names only the command, hence one request per command.
 
-    Parameters
-    ----------
-    send : SendCommand
-        Writes one COMMAND_LONG.
+    `send`: writes one COMMAND_LONG.
     """
 
     def __init__(self, send: SendCommand) -> None:

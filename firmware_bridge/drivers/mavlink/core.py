@@ -43,14 +43,8 @@ class MavlinkCore:
     Not thread-safe: `MavlinkDriver` holds one lock around every call but `receive`, which takes it
     for one message at a time.
 
-    Parameters
-    ----------
-    options : MavlinkOptions
-        System ids, and what to ask of the vehicle.
-    write : callable
-        Takes one whole frame.
-    wall_time : float
-        Unix time for signature time stamps [s].
+    `options`: system ids, and what to ask of the vehicle. `write`: takes one whole frame.
+    `wall_time`: unix time for signature time stamps [s].
     """
 
     def __init__(

@@ -33,14 +33,8 @@ class MavlinkDriver:
     clock by TIMESYNC. Set-points are handed to the link in the thread that calls `send`;
     heartbeats, requests and retries in a thread of the driver.
 
-    Parameters
-    ----------
-    transport : Transport
-        The link, not yet started.
-    options : MavlinkOptions
-        System ids, and whether to arm.
-    clock : callable
-        Monotonic time [s].
+    `transport`: the link, not yet started. `options`: system ids, and whether to arm. `clock`:
+    monotonic time [s].
 
     Examples
     --------
@@ -71,10 +65,7 @@ class MavlinkDriver:
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> MavlinkDriver:
         """Build it from a robot file: its ``[board]`` section holds the fields of `MavlinkOptions`.
 
-        Raises
-        ------
-        ConfigError
-            Names the key.
+        Raises ConfigError: names the key.
         """
         astray = [entry.name for entry in fields(MavlinkOptions) if entry.name in table]
         if astray:
@@ -87,11 +78,8 @@ class MavlinkDriver:
         With `arm`, begin to take control of the vehicle. That goes on after the return: arming may
         be refused for 45 s after boot. `health().ready` tells when it is done.
 
-        Raises
-        ------
-        LinkError
-            If the link cannot be opened, or no ArduPilot rover answers within
-            `timeout` [s].
+        Raises LinkError if the link cannot be opened, or no ArduPilot rover answers within
+        `timeout` [s].
         """
         if not self._started:
             self._transport.start(self._on_bytes)

@@ -15,16 +15,8 @@ PERIOD, TRIES = 1.0, 5
 class GcsFailsafe:
     """Reads the two parameters and turns the failsafe on.
 
-    Parameters
-    ----------
-    read : callable
-        Sends PARAM_REQUEST_READ for a name.
-    write : callable
-        Sends PARAM_SET: name, value, type.
-    own_system : int
-        Our system id.
-    wanted : bool
-        Whether to turn it on, or only to look.
+    `read`: sends PARAM_REQUEST_READ for a name. `write`: sends PARAM_SET: name, value, type.
+    `own_system`: our system id. `wanted`: whether to turn it on, or only to look.
     """
 
     def __init__(

@@ -21,10 +21,7 @@ MONOTONIC_MS = 2**32
 class MessageBuilder:
     """Messages to one vehicle.
 
-    Parameters
-    ----------
-    options : MavlinkOptions
-        Ids of the vehicle, and ours.
+    `options`: ids of the vehicle, and ours.
     """
 
     def __init__(self, options: MavlinkOptions) -> None:

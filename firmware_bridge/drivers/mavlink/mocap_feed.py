@@ -19,14 +19,8 @@ faster motion capture."""
 class MocapFeed:
     """Passes poses on, and refuses bad ones.
 
-    Parameters
-    ----------
-    options : MavlinkOptions
-        Whether there is motion capture, and the origin.
-    build : MessageBuilder
-        Builds messages to the vehicle.
-    send : callable
-        Takes a message to put on the wire.
+    `options`: whether there is motion capture, and the origin. `build`: builds messages to the
+    vehicle. `send`: takes a message to put on the wire.
     """
 
     def __init__(

@@ -23,10 +23,7 @@ EARTH = (90.0, 180.0, 1e4)
 class MavlinkOptions:
     """Ids on the link, and what is asked of the vehicle.
 
-    Raises
-    ------
-    ConfigError
-        Names the option that is wrong.
+    Raises ConfigError: names the option that is wrong.
     """
 
     system: int = 1

@@ -21,15 +21,8 @@ LONGEST = 32
 class SigningStamp:
     """Keeps the newest time stamp of a key beside it, as KEY.stamp.
 
-    Parameters
-    ----------
-    key_file : str or None
-        Of the key; None: nothing is signed, and nothing kept.
-
-    Raises
-    ------
-    ConfigError
-        If the file is there and cannot be read.
+    `key_file`: of the key; None: nothing is signed, and nothing kept. Raises ConfigError if the
+    file is there and cannot be read.
     """
 
     def __init__(self, key_file: str | None) -> None:

@@ -30,10 +30,7 @@ class OtherStations:
     It sees only those that the vehicle forwards to our port, or that share it: a master on another
     port of the autopilot stays unseen.
 
-    Parameters
-    ----------
-    vehicle : int
-        System id of the vehicle.
+    `vehicle`: system id of the vehicle.
     """
 
     def __init__(self, vehicle: int) -> None:

@@ -17,12 +17,7 @@ ABSURD = 5.0
 class BoardPose:
     """Newest state from counters and speeds of all channels.
 
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the robot.
-    odometry : WheelOdometry
-        Fits the board's counters.
+    `geometry`: of the robot. `odometry`: fits the board's counters.
     """
 
     def __init__(self, geometry: Geometry, odometry: WheelOdometry) -> None:

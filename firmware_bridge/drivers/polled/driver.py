@@ -17,18 +17,9 @@ def why_silent(
 ) -> str:
     """Say what is missing.
 
-    Parameters
-    ----------
-    down : str
-        Why the link is down; empty if it is up.
-    counters : mapping
-        Of the link and of the exchange.
-    faults : tuple of str
-        What the board complains of.
-    timeout : float
-        How long was waited [s].
-    hint : str
-        What a user of this board should look at.
+    `down`: why the link is down; empty if it is up. `counters`: of the link and of the exchange.
+    `faults`: what the board complains of. `timeout`: how long was waited [s]. `hint`: what a user
+    of this board should look at.
     """
     if down:
         return down

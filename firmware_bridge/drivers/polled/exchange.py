@@ -25,14 +25,8 @@ class NoReply(Exception):
 class Exchange:
     """Asks in one thread, takes replies from another.
 
-    Parameters
-    ----------
-    transport : Transport
-        The line.
-    reply_timeout : float
-        How long a reply may take [s].
-    begin : callable
-        Prepares the decoder for the reply to a key.
+    `transport`: the line. `reply_timeout`: how long a reply may take [s]. `begin`: prepares the
+    decoder for the reply to a key.
     """
 
     def __init__(

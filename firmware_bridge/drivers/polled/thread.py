@@ -77,10 +77,7 @@ class PollingThread(Board):
 
     A last guard replaces a command that has become old by zero.
 
-    Parameters
-    ----------
-    transport, geometry, odometry, options
-        As `PolledDriver` takes them.
+    `transport`, `geometry`, `odometry`, `options`: as `PolledDriver` takes them.
     """
 
     def __init__(

@@ -34,14 +34,8 @@ class Stretch:
 class DeadWheels:
     """Compares the commands of the wheels with their counters.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of the wheels.
-    wheel_radius : float
-        [m]
-    count : float
-        How far a wheel turns in a count of its encoder [rad].
+    `names`: of the wheels. `wheel_radius`: [m]. `count`: how far a wheel turns in a count of its
+    encoder [rad].
 
     Examples
     --------
@@ -122,12 +116,7 @@ class Wheel:
 class RunawayWheels:
     """Compares the speeds of the wheels with their commands; a fault stays until `forget`.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of the wheels.
-    top : float
-        Largest speed of a wheel [rad/s].
+    `names`: of the wheels. `top`: largest speed of a wheel [rad/s].
 
     Examples
     --------

@@ -45,10 +45,7 @@ def cobs_body(frame: bytes) -> bytes | None:
 class CobsFrames:
     """Cuts bytes into frames, and gives the bodies of whole ones.
 
-    Parameters
-    ----------
-    longest : int
-        Longer frames are dropped up to their end [bytes].
+    `longest`: longer frames are dropped up to their end [bytes].
     """
 
     def __init__(self, longest: int) -> None:

@@ -28,12 +28,8 @@ def xor8(data: bytes) -> int:
 def odrive_text(line: bytes, checksum: bool) -> str | None:
     """Text of a line, None for a damaged one.
 
-    Parameters
-    ----------
-    line : bytes
-        Without its end.
-    checksum : bool
-        Whether it must carry one; one that is there is always checked.
+    `line`: without its end. `checksum`: whether it must carry one; one that is there is always
+    checked.
     """
     body, star, digits = line.partition(b"*")
     if star:

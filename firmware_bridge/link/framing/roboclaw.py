@@ -76,12 +76,8 @@ class RoboClawReplies:
 class RoboClawPackets(Packets[tuple[int, bytes]]):
     """The board's side: command and payload of each packet.
 
-    Parameters
-    ----------
-    address : int
-        0x80 to 0x87; packets for others are passed over.
-    writes : mapping
-        Payload size of each writing command; every other command is a read without payload and CRC.
+    `address`: 0x80 to 0x87; packets for others are passed over. `writes`: payload size of each
+    writing command; every other command is a read without payload and CRC.
     """
 
     gap = 0.010

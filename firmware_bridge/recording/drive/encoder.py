@@ -43,16 +43,9 @@ SCENE_PERIOD = 0.2
 class DriveEncoder:
     """Records to the bytes of a file; whoever writes these keeps their order.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        What is driven.
-    dt : float
-        Period of the controller [s].
-    about : dict
-        What else to keep with the drive; what JSON can hold.
-    offset : float
-        What is added to the times of records, so that they are those of the wall [s].
+    `scenario`: what is driven. `dt`: period of the controller [s]. `about`: what else to keep with
+    the drive; what JSON can hold. `offset`: what is added to the times of records, so that they are
+    those of the wall [s].
     """
 
     def __init__(

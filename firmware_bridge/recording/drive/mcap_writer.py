@@ -58,10 +58,7 @@ class _Pieces:
 class McapWriter:
     """Makes the bytes of a file; the caller writes them, in order and each piece whole.
 
-    Parameters
-    ----------
-    topics : iterable of Topic
-        All that messages will be of.
+    `topics`: all that messages will be of.
     """
 
     def __init__(self, topics: Iterable[Topic]) -> None:

@@ -112,19 +112,9 @@ def step_scene(time: int, scenario: Scenario, step: Stepped) -> Content:
 def margins_of(circles: Array, states: Array, margins: Array) -> tuple[Array, Array]:
     """Margins that a plan keeps from the circles that are nearest to it.
 
-    Parameters
-    ----------
-    circles : ndarray
-        (M, 5) [m, m/s].
-    states : ndarray
-        (N + 1, 3) of the plan.
-    margins : ndarray
-        (N,) of its stages 1 to N [m].
-
-    Returns
-    -------
-    near, kept : ndarray
-        Numbers (K,) of the circles, and the margin of the stage that is nearest to each (K,) [m].
+    `circles`: (M, 5) [m, m/s]. `states`: (N + 1, 3) of the plan. `margins`: (N,) of its stages 1 to
+    N [m]. Returns `near`, `kept`: numbers (K,) of the circles, and the margin of the stage that is
+    nearest to each (K,) [m].
     """
     if not len(circles):
         return np.empty(0, dtype=int), np.empty(0)

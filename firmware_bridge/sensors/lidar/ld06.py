@@ -120,10 +120,7 @@ SLOWEST = 360
 class Ld06(SerialLidar):
     """Twelve points a packet, ten turns a second; nothing is sent to the sensor.
 
-    Parameters
-    ----------
-    transport : Transport
-        Not yet started.
+    `transport`: not yet started.
     """
 
     name = "LD06/LD19"

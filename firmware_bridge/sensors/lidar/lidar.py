@@ -55,12 +55,7 @@ class SerialLidar:
     A subclass takes bytes (`_take`), and may do something from time to time (`_tend`), which runs
     in a thread of the lidar.
 
-    Parameters
-    ----------
-    transport : Transport
-        Not yet started; the lidar starts and closes it.
-    turns : Turns
-        Collects its beams.
+    `transport`: not yet started; the lidar starts and closes it. `turns`: collects its beams.
     """
 
     name = "lidar"

@@ -46,10 +46,7 @@ GOOD, WARNING, ERROR = 0, 1, 2
 class Rplidar(SerialLidar):
     """Asks for identity and health, turns the motor, and takes nodes; restarts a stopped sensor.
 
-    Parameters
-    ----------
-    transport : Transport
-        Not yet started.
+    `transport`: not yet started.
     """
 
     name = "RPLIDAR"

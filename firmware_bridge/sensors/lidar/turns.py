@@ -33,10 +33,7 @@ class Turns:
     the next turn's first one, so that neither the size of packets nor that of reads matters. The
     first turn, whose beginning is unknown, does not count.
 
-    Parameters
-    ----------
-    range_min, range_max : float
-        Of the sensor [m].
+    `range_min`, `range_max`: of the sensor [m].
     """
 
     def __init__(self, range_min: float, range_max: float) -> None:

@@ -53,12 +53,7 @@ STANDING = 1e-9
 class ExpectedErrors:
     """What a model expects of innovations, and how it judges them.
 
-    Parameters
-    ----------
-    model : MotionModel
-        Its noise model and its period.
-    problem : NavigationProblem
-        The robot's radius and speeds.
+    `model`: its noise model and its period. `problem`: the robot's radius and speeds.
 
     Attributes
     ----------

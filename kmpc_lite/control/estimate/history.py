@@ -175,23 +175,11 @@ def _displaced(driven: Array, heading: float) -> Array:
 def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Array:
     """Predict where the robot is now from where it was.
 
-    Parameters
-    ----------
-    model : MotionModel
-        Its period is that of the commands. Dead time and motor lag that it has learned with its
-        input history are part of it, not of the pose's age.
-    pose : ndarray
-        Measured (3,).
-    sent : ndarray
-        Commands already sent, oldest first, (K, 2), one per period; those before the first are
-        taken to be zero.
-    age : float
-        Of the pose, at the moment that the next command acts [s]; not negative.
-
-    Returns
-    -------
-    ndarray
-        Pose (3,) now.
+    `model`: its period is that of the commands. Dead time and motor lag that it has learned with
+    its input history are part of it, not of the pose's age. `pose`: measured (3,). `sent`: commands
+    already sent, oldest first, (K, 2), one per period; those before the first are taken to be zero.
+    `age`: of the pose, at the moment that the next command acts [s]; not negative. Returns pose
+    (3,) now.
     """
     periods = max(age, 0.0) / model.dt
     whole = int(np.ceil(periods - 1e-6))

@@ -86,24 +86,11 @@ class Innovation:
     ) -> Array | None:
         """Take in a pose (3,), and tell where the robot is instead if it is doubted.
 
-        Parameters
-        ----------
-        state : InnovationState
-            Updated.
-        history : CommandHistory
-            What was sent in the past period, which is left out of all that learns if a pose jumped
-            or is lost; remembers the pose.
-        model : MotionModel
-            Predicts.
-        noise : tuple of float
-            What measured poses add in position [m] and heading [rad].
-        pose : ndarray, optional
-            Measured; none if it is lost, which others take care of.
-
-        Returns
-        -------
-        ndarray or None
-            (3,) the predicted pose; None if the measured one is believed.
+        `state`: updated. `history`: what was sent in the past period, which is left out of all that
+        learns if a pose jumped or is lost; remembers the pose. `model`: predicts. `noise`: what
+        measured poses add in position [m] and heading [rad]. `pose`: measured; none if it is lost,
+        which others take care of. Returns (3,) the predicted pose; None if the measured one is
+        believed.
         """
         before, doubted = history.driven, state.believed is not None
         history.measured, state.error, state.elsewhere = pose, None, False

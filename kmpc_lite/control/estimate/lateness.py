@@ -81,17 +81,10 @@ class Lateness:
     ) -> bool:
         """Take in a measured pose, and tell whether the robot answers otherwise than was thought.
 
-        Parameters
-        ----------
-        state : LatenessState
-            Updated.
-        model : MotionModel
-            Predicts.
-        given : ndarray
-            (K, m) commands up to that of the past period, oldest first; the last one becomes what
-            the robot has made of it where it is found to follow by a ramp.
-        pose : ndarray or None
-            (3,) as measured; none if that, or the past period's command, is not known.
+        `state`: updated. `model`: predicts. `given`: (K, m) commands up to that of the past period,
+        oldest first; the last one becomes what the robot has made of it where it is found to follow
+        by a ramp. `pose`: (3,) as measured; none if that, or the past period's command, is not
+        known.
         """
         before, state.pose = state.pose, pose
         command, late = given[-1], len(self._places)

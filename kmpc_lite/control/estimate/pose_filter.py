@@ -47,18 +47,9 @@ def estimate(
 ) -> PoseEstimate:
     """Estimate where the robot is.
 
-    Parameters
-    ----------
-    last : PoseEstimate or None
-        A period ago; none if nothing is known of that.
-    period : DrivenPeriod or None
-        What was commanded since; none if nobody knows.
-    model : MotionModel
-        Predicts.
-    moved, measured : ndarray
-        Covariances (3, 3) of the motion in a period, and of a measured pose, in the robot's frame.
-    pose : ndarray
-        (3,) as measured now.
+    `last`: a period ago; none if nothing is known of that. `period`: what was commanded since; none
+    if nobody knows. `model`: predicts. `moved`, `measured`: covariances (3, 3) of the motion in a
+    period, and of a measured pose, in the robot's frame. `pose`: (3,) as measured now.
     """
     spread = _turned(measured, float(pose[2]))
     if last is None or period is None:

@@ -54,12 +54,7 @@ def later(things: Array, time: float) -> Array:
 def distances(things: Array, points: Array, times: Array) -> Array:
     """Distances of points at times from the edges of all things, negative inside, (n, M) [m].
 
-    Parameters
-    ----------
-    things : ndarray
-        (M, 7).
-    points, times : ndarray
-        (n, 2) [m] and (n,) [s], from now.
+    `things`: (M, 7). `points`, `times`: (n, 2) [m] and (n,) [s], from now.
     """
     x = points[:, :1] - things[:, 0]
     y = points[:, 1:] - things[:, 1]

@@ -25,12 +25,8 @@ NO_NOISE = Noise(NOTHING, NOTHING, NOTHING, NOTHING, 0, 0.0, 0.0, 0.0, 0.0, 0.0,
 def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
     """Distances (C, Q, E, M) of points on C motions from the edges of all things [m].
 
-    Parameters
-    ----------
-    things : ndarray
-        (M, 7).
-    points, times : ndarray
-        (C, Q, E, 2), or (C, 1, E, 2) of points that stay [m], and (Q,) [s], from now.
+    `things`: (M, 7). `points`, `times`: (C, Q, E, 2), or (C, 1, E, 2) of points that stay [m], and
+    (Q,) [s], from now.
     """
     motions, sampled, places, _ = points.shape
     out = np.empty((motions, len(times), places, len(things)))
@@ -41,12 +37,7 @@ def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
 def box_distances(low: Array, high: Array, points: Array) -> Array:
     """Distances (n,) of points (n, 2) from the nearest of rectangles [m], negative inside.
 
-    Parameters
-    ----------
-    low, high : ndarray
-        Corners (B, 2) each [m].
-    points : ndarray
-        (n, 2) [m].
+    `low`, `high`: corners (B, 2) each [m]. `points`: (n, 2) [m].
     """
     out = np.empty(len(points))
     c.box_distances(*map(_dense, (low, high, points)), out)
@@ -58,20 +49,10 @@ def nearest_boxes(
 ) -> tuple[Array, Array, Array]:
     """The rectangles that matter at points: the nearest, then the nearest that is not behind it.
 
-    Parameters
-    ----------
-    low, high, points : ndarray
-        As of `box_distances`.
-    behind : float
-        How far a rectangle's nearest point may stand out of another one's half-plane and count as
-        behind it [m].
-    columns : int
-        How many are chosen, K, at most B.
-
-    Returns
-    -------
-    chosen, distances, normals : ndarray
-        Their numbers (n, K), distances (n, K) [m], negative inside, and normals (n, K, 2).
+    `low`, `high`, `points`: as of `box_distances`. `behind`: how far a rectangle's nearest point
+    may stand out of another one's half-plane and count as behind it [m]. `columns`: how many are
+    chosen, K, at most B. Returns `chosen`, `distances`, `normals`: their numbers (n, K), distances
+    (n, K) [m], negative inside, and normals (n, K, 2).
     """
     shape, room = (len(points), columns), np.empty((len(low), 4))
     found = np.empty(shape, dtype=np.int_), np.empty(shape), np.empty((*shape, 2))
@@ -89,14 +70,8 @@ def fill(
 ) -> None:
     """Write a pass into a QP.
 
-    Parameters
-    ----------
-    keep, margins, numbers
-        What follows from the problem; none without margins; what is written.
-    lin : Linearization
-        The model's at the plan.
-    plan, around
-        The plan, and what it is kept out of.
+    `keep`, `margins`, `numbers`: what follows from the problem; none without margins; what is
+    written. `lin`: the model's at the plan. `plan`, `around`: the plan, and what it is kept out of.
     """
     stages, places = len(plan.inputs), len(around.points) // len(plan.inputs)
     kinds = around.gaps.size // stages + places * len(around.things) + len(keep.side_offsets) + 1
@@ -147,18 +122,9 @@ def stop_errors(
 ) -> Array:
     """Errors (..., T) at the end of each period of what is driven and turned [m].
 
-    Parameters
-    ----------
-    distances, turns : ndarray
-        What is driven [m] and turned [rad] in each period, (..., T).
-    dt : float
-        Period [s].
-    position, heading : ndarray
-        (4,) variances of one period by v^2 and by omega^2, then what lasts of them.
-    rare, usual : float
-        As of `added_up`.
-    reach : float
-        How far the outline lies from the pose [m].
+    `distances`, `turns`: what is driven [m] and turned [rad] in each period, (..., T). `dt`: period
+    [s]. `position`, `heading`: (4,) variances of one period by v^2 and by omega^2, then what lasts
+    of them. `rare`, `usual`: as of `added_up`. `reach`: how far the outline lies from the pose [m].
     """
     out = np.empty(distances.shape)
     dense = map(_dense, (distances, turns, position, heading))
@@ -194,19 +160,10 @@ def surely_clear(
 ) -> Array:
     """Which motions keep more than `admissible` can ask of them, (C,).
 
-    Parameters
-    ----------
-    clearance : ndarray
-        (C, Q, E, K) at samples of the motions [m].
-    margins : ndarray
-        (C, Q) of what is driven and turned up to each sample [m].
-    error, travel : ndarray
-        (C,) the largest error of the coming commands, with what is not sure, and how far they lead
-        [m].
-    ends : ndarray
-        (C,) samples until the robot is at rest.
-    lost : float
-        What chords between samples cut off at the most [m].
+    `clearance`: (C, Q, E, K) at samples of the motions [m]. `margins`: (C, Q) of what is driven and
+    turned up to each sample [m]. `error`, `travel`: (C,) the largest error of the coming commands,
+    with what is not sure, and how far they lead [m]. `ends`: (C,) samples until the robot is at
+    rest. `lost`: what chords between samples cut off at the most [m].
     """
     out = np.empty(len(error), dtype=np.bool_)
     dense = map(_dense, (clearance, margins, error, travel))
@@ -235,28 +192,13 @@ def admissible(
     would lack, unless the motion leads away; a thing that may turn towards the robot counts as an
     error of half of what is driven.
 
-    Parameters
-    ----------
-    clearance : ndarray
-        (C, Q, E, K) at samples of the motions [m].
-    standing, spend : ndarray
-        (1, Q, E, K) clearance of a robot that stands, and how much of it may be used up [m].
-    margins : ndarray
-        (C, Q) of what is driven and turned up to each sample [m].
-    driven : ndarray
-        (C, Q, E) from the begin on [m].
-    error : ndarray
-        (C, E, K) of the coming commands, towards each thing [m].
-    turns : ndarray
-        (K,) whether a thing may turn towards the robot.
-    strict : ndarray
-        (C,) whether a motion must keep its margins whatever a standing robot has.
-    ends : ndarray
-        (C,) samples until the robot is at rest.
-    first : int
-        Samples of the coming period.
-    unsure : float
-        What the pose's noise may pretend of a clearance [m].
+    `clearance`: (C, Q, E, K) at samples of the motions [m]. `standing`, `spend`: (1, Q, E, K)
+    clearance of a robot that stands, and how much of it may be used up [m]. `margins`: (C, Q) of
+    what is driven and turned up to each sample [m]. `driven`: (C, Q, E) from the begin on [m].
+    `error`: (C, E, K) of the coming commands, towards each thing [m]. `turns`: (K,) whether a thing
+    may turn towards the robot. `strict`: (C,) whether a motion must keep its margins whatever a
+    standing robot has. `ends`: (C,) samples until the robot is at rest. `first`: samples of the
+    coming period. `unsure`: what the pose's noise may pretend of a clearance [m].
     """
     out = np.empty(len(clearance), dtype=np.bool_)
     dense = map(_dense, (clearance, standing, spend, margins, driven, error))
@@ -268,21 +210,9 @@ def admissible(
 def locate(path: Timed, pose: Array, place: float, least: float) -> tuple[float, float]:
     """Find the robot's place: the time of the path's pose that is nearest.
 
-    Parameters
-    ----------
-    path : Timed
-        What is followed.
-    pose : ndarray
-        The robot's pose (3,).
-    place : float
-        Where it was found last [s]; only places near it are looked at.
-    least : float
-        Where it must have come to [s].
-
-    Returns
-    -------
-    place, off : float
-        The time on the path [s], and the distance from its pose there [m].
+    `path`: what is followed. `pose`: the robot's pose (3,). `place`: where it was found last [s];
+    only places near it are looked at. `least`: where it must have come to [s]. Returns `place`,
+    `off`: the time on the path [s], and the distance from its pose there [m].
     """
     found = np.empty(2)
     c.locate(*path[:3], _dense(pose), found, path.step, place, least)
@@ -294,20 +224,9 @@ def along_path(
 ) -> Array:
     """Poses (n, 3) of a robot that drives on along its path, their headings near its own.
 
-    Parameters
-    ----------
-    path : Timed
-        What is followed.
-    later : ndarray
-        How much later, (n,) [s].
-    place : float
-        Where the robot is [s].
-    leg : float
-        When its gear has changed last [s].
-    heading : float
-        Its own [rad].
-    turning : bool
-        Whether it is on its last turn.
+    `path`: what is followed. `later`: how much later, (n,) [s]. `place`: where the robot is [s].
+    `leg`: when its gear has changed last [s]. `heading`: its own [rad]. `turning`: whether it is on
+    its last turn.
     """
     states = np.empty((len(later), STATES))
     c.along_path(*path[:3], _dense(later), states, path.braking, place, leg, heading, turning)
@@ -317,22 +236,10 @@ def along_path(
 def ways(free: Bits, factor: Array, step: float, goal: int) -> tuple[Array, NDArray[np.intc]]:
     """Shortest ways on a grid (H, W) to a goal, over sixteen neighbours of each node.
 
-    Parameters
-    ----------
-    free : ndarray
-        (H, W) nodes that ways may use.
-    factor : ndarray
-        (H, W) by which lengths count: of a step, that of its upper or left end.
-    step : float
-        Distance between neighbours along the axes [m].
-    goal : int
-        Number of the goal's node.
-
-    Returns
-    -------
-    cost, towards : ndarray
-        (H W,) of the way from each node [m], infinite without one; the next node on it, -1 at the
-        goal and without a way.
+    `free`: (H, W) nodes that ways may use. `factor`: (H, W) by which lengths count: of a step, that
+    of its upper or left end. `step`: distance between neighbours along the axes [m]. `goal`: number
+    of the goal's node. Returns `cost`, `towards`: (H W,) of the way from each node [m], infinite
+    without one; the next node on it, -1 at the goal and without a way.
     """
     nodes, width, own = free.size, free.shape[1], (np.ascontiguousarray(free), _dense(factor))
     cost, towards = np.empty(nodes), np.empty(nodes, dtype=np.intc)

@@ -23,12 +23,7 @@ BETTER = 0.995
 class PoseTree:
     """Nodes as arrays, the cheapest pose of each cell, and those from which it can still grow.
 
-    Parameters
-    ----------
-    goal : ndarray
-        Pose (3,).
-    cell, turn : float
-        Side of a cell [m], and how far it goes round [rad].
+    `goal`: pose (3,). `cell`, `turn`: side of a cell [m], and how far it goes round [rad].
     """
 
     def __init__(self, goal: Array, cell: float, turn: float) -> None:

@@ -144,10 +144,7 @@ TURNS = np.concatenate([FLIPS[:, 1:] * np.array(turns) for _, turns, _, _ in FOR
 def curves(ends: Array) -> Array:
     """Lengths (n, W, 5) of the segments of all words to ends (n, 3), infinite of those not reached.
 
-    Parameters
-    ----------
-    ends : ndarray
-        (n, 3) as seen from where the curves begin [turning radii, rad].
+    `ends`: (n, 3) as seen from where the curves begin [turning radii, rad].
     """
     gear, side = FLIPS.T[..., None]
     x, y, phi = gear * ends[:, 0], side * ends[:, 1], gear * side * ends[:, 2]

@@ -31,27 +31,12 @@ def clusters(
     Beams that tell nothing are left out. What is seen of a wall past a nearer thing moves with the
     robot, and is no cluster.
 
-    Parameters
-    ----------
-    reach : ndarray
-        (B,) how far each beam saw nothing [m].
-    ends : ndarray
-        (B, 2) where it ends in the robot's frame [m].
-    hits, clear : ndarray
-        (B,) whether it hit something, and whether it saw that nothing is there.
-    mount : ndarray
-        (2,) the scanner in the robot's frame [m].
-    step : float
-        Angle from beam to beam [rad].
-    gap : float
-        Distance between neighbouring hits beyond which another cluster begins [m].
-    largest : float
-        Largest radius of a cluster [m].
-
-    Returns
-    -------
-    ndarray
-        (K, 3) rows x, y, radius [m] in the robot's frame.
+    `reach`: (B,) how far each beam saw nothing [m]. `ends`: (B, 2) where it ends in the robot's
+    frame [m]. `hits`, `clear`: (B,) whether it hit something, and whether it saw that nothing is
+    there. `mount`: (2,) the scanner in the robot's frame [m]. `step`: angle from beam to beam
+    [rad]. `gap`: distance between neighbouring hits beyond which another cluster begins [m].
+    `largest`: largest radius of a cluster [m]. Returns (K, 3) rows x, y, radius [m] in the robot's
+    frame.
     """
     beams = len(reach)
     out, count = np.empty((beams // 3 + 1, 3)), np.empty(1, dtype=np.intc)
@@ -68,34 +53,13 @@ def follow(
     Circles that are farther than the gate from where a track expects them may be its all the same
     if it turned round: then its velocity may be any of the same pace.
 
-    Parameters
-    ----------
-    tracks : ndarray
-        (M, 39).
-    circles, sources : ndarray
-        (N, 5) and (N,) which sensor sees each: a track is that of one sensor.
-    dt : float
-        Period [s].
-    memory : float
-        How long turns last [s].
-    acceleration : float
-        Standard deviation of accelerations along each axis [m/s^2].
-    turning : float
-        The same of turn rates [rad/s].
-    noise : float
-        The same of a position along each axis [m].
-    other : float
-        The same of the change of velocity of what turned round [m/s].
-    gate, chance : float
-        Squared Mahalanobis distances: of positions that are not a track's any more, and of
-        velocities that differ from the given ones.
-
-    Returns
-    -------
-    after : ndarray
-        (M, 39).
-    found : ndarray
-        (N,) index of each circle's track; -1 for none.
+    `tracks`: (M, 39). `circles`, `sources`: (N, 5) and (N,) which sensor sees each: a track is that
+    of one sensor. `dt`: period [s]. `memory`: how long turns last [s]. `acceleration`: standard
+    deviation of accelerations along each axis [m/s^2]. `turning`: the same of turn rates [rad/s].
+    `noise`: the same of a position along each axis [m]. `other`: the same of the change of velocity
+    of what turned round [m/s]. `gate`, `chance`: squared Mahalanobis distances: of positions that
+    are not a track's any more, and of velocities that differ from the given ones. Returns `after`:
+    (M, 39); `found`: (N,) index of each circle's track; -1 for none.
     """
     rows, columns = len(tracks), len(circles)
     after, found = np.array(tracks, dtype=np.float64), np.empty(columns, dtype=np.intc)
@@ -110,30 +74,13 @@ def told_beams(
 ) -> tuple[Bits, Bits, Array, Array]:
     """Tell what each beam of a scan says.
 
-    Parameters
-    ----------
-    ranges : ndarray
-        (B,) [m].
-    along : ndarray
-        (B, 2) unit vectors of the beams in the robot's frame.
-    counts : ndarray
-        (B,) which beams count.
-    mount : ndarray
-        (2,) the scanner in the robot's frame [m].
-    least, most : float
-        Ranges that are hits lie between these [m]; the latter itself and infinity say that nothing
-        is there.
-    own : float
-        Hits no farther from the robot's centre are the robot itself [m].
-
-    Returns
-    -------
-    hits, clear : ndarray
-        (B,) which beams hit something, and which saw that nothing is there.
-    reach : ndarray
-        (B,) how far each saw nothing; zero if it tells nothing [m].
-    ends : ndarray
-        (B, 2) where it ends in the robot's frame [m].
+    `ranges`: (B,) [m]. `along`: (B, 2) unit vectors of the beams in the robot's frame. `counts`:
+    (B,) which beams count. `mount`: (2,) the scanner in the robot's frame [m]. `least`, `most`:
+    ranges that are hits lie between these [m]; the latter itself and infinity say that nothing is
+    there. `own`: hits no farther from the robot's centre are the robot itself [m]. Returns `hits`,
+    `clear`: (B,) which beams hit something, and which saw that nothing is there; `reach`: (B,) how
+    far each saw nothing; zero if it tells nothing [m]; `ends`: (B, 2) where it ends in the robot's
+    frame [m].
     """
     beams = len(ranges)
     kinds = np.empty(beams, dtype=bool), np.empty(beams, dtype=bool)
@@ -151,25 +98,10 @@ def averaged_ranges(
     A surface is known better than one beam tells: the outermost of many noisy hits would lie
     farther out than the surface, the more so the more beams meet it.
 
-    Parameters
-    ----------
-    ranges : ndarray
-        (B,) [m].
-    hits : ndarray
-        (B,) which beams hit something.
-    step : float
-        Angle from beam to beam [rad].
-    noise : float
-        Standard deviation of a range [m].
-    half : float
-        How far along a surface neighbours lie at the most [m].
-
-    Returns
-    -------
-    averaged : ndarray
-        (B,) ranges, those of other beams as they were [m].
-    deviations : ndarray
-        (B,) standard deviations of these, as far as they are sure [m].
+    `ranges`: (B,) [m]. `hits`: (B,) which beams hit something. `step`: angle from beam to beam
+    [rad]. `noise`: standard deviation of a range [m]. `half`: how far along a surface neighbours
+    lie at the most [m]. Returns `averaged`: (B,) ranges, those of other beams as they were [m];
+    `deviations`: (B,) standard deviations of these, as far as they are sure [m].
     """
     found = np.empty(len(ranges)), np.empty(len(ranges))
     c.averaged_ranges(dense(ranges), np.ascontiguousarray(hits), *found, step, noise, half)
@@ -192,16 +124,10 @@ def pass_rays(
 ) -> None:
     """Take note of what rays passed through (`see_through`); farther away only of what was hit.
 
-    Parameters
-    ----------
-    state, seen, extent, place, origin, turn, squares, clock
-        As of `see_through`.
-    low, high : tuple of float
-        Corners of the area that no ray has left [m].
-    distance : float
-        From the origin, along each axis, up to which all cells are looked at [m].
-    farther : bool
-        Whether those farther away are looked at.
+    `state`, `seen`, `extent`, `place`, `origin`, `turn`, `squares`, `clock`: as of `see_through`.
+    `low`, `high`: corners of the area that no ray has left [m]. `distance`: from the origin, along
+    each axis, up to which all cells are looked at [m]. `farther`: whether those farther away are
+    looked at.
     """
     where = state.shape[1], *place, *low, *high, *origin, *turn
     c.pass_rays(state, seen, extent, squares, *where, distance, farther, clock)
@@ -220,18 +146,9 @@ def mark(
 ) -> None:
     """Mark the cells of hits (n, 2), which may be off by errors (n,), as occupied.
 
-    Parameters
-    ----------
-    state, seen, extent, place
-        As of `see_through`; changed.
-    taken : ndarray
-        (H, W) when each was hit that was free until then; changed.
-    points, errors : ndarray
-        (n, 2) and (n,) [m].
-    level : int
-        State of cells that are occupied.
-    clock : float
-        Now.
+    `state`, `seen`, `extent`, `place`: as of `see_through`; changed. `taken`: (H, W) when each was
+    hit that was free until then; changed. `points`, `errors`: (n, 2) and (n,) [m]. `level`: state
+    of cells that are occupied. `clock`: now.
     """
     cells, width = (state, seen, extent, taken), state.shape[1]
     c.mark(*cells, dense(points), dense(errors), width, *place, level, clock)
@@ -242,10 +159,7 @@ def hit_boxes(
 ) -> tuple[Array, Array]:
     """Corners (n, 2), (n, 2) of what was hit in the occupied cells of a window, row by row.
 
-    Parameters
-    ----------
-    state, extent, window, place
-        As of `see_through`.
+    `state`, `extent`, `window`, `place`: as of `see_through`.
     """
     top, bottom, left, right = window
     most = max(bottom - top, 0) * max(right - left, 0)

@@ -51,16 +51,10 @@ def tube_margins(
 ) -> Array:
     """Margins (N, K) of stages 1 to N [m].
 
-    Parameters
-    ----------
-    noise : Noise
-        What is not known.
-    by_x, states, inputs : ndarray
-        The model's derivatives by the state (N, 3, 3) at the plan: (N + 1, 3) and (N, m).
-    normals : ndarray
-        (N, K, 2) unit vectors away from obstacles; (N, K, 3) with the slope by the heading.
-    path_clearance : ndarray
-        (N,) what the path keeps [m]: headway is no more.
+    `noise`: what is not known. `by_x`, `states`, `inputs`: the model's derivatives by the state (N,
+    3, 3) at the plan: (N + 1, 3) and (N, m). `normals`: (N, K, 2) unit vectors away from obstacles;
+    (N, K, 3) with the slope by the heading. `path_clearance`: (N,) what the path keeps [m]: headway
+    is no more.
     """
     chords = chord_margins(states, noise.touch, noise.reach) + noise.solver_margin
     headway = np.minimum(noise.headway_time * np.abs(inputs[:, 0]), path_clearance)[:, None]

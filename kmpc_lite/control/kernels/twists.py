@@ -37,14 +37,8 @@ def chained(start: Array, twists: Array, times: Array) -> Array:
 def sampled(start: Array, twists: Array, times: Array, counts: Array) -> tuple[Array, Array]:
     """Poses (K, 3) from a start (3,) along S twists, and when they are reached (K,).
 
-    Parameters
-    ----------
-    start : ndarray
-        (3,), the first of them.
-    twists, times : ndarray
-        (S, 3) and (S,).
-    counts : ndarray
-        (S,) poses on each.
+    `start`: (3,), the first of them. `twists`, `times`: (S, 3) and (S,). `counts`: (S,) poses on
+    each.
     """
     begins = chained(start, twists, times)[:-1]
     piece = np.repeat(np.arange(len(times)), counts)

@@ -46,17 +46,11 @@ class Margins:
     It remembers nothing of a drive: the noise as past innovations inflate it (`felt`) is the first
     argument of all that depends on them. Another model gets other `Margins`.
 
-    Parameters
-    ----------
-    model : MotionModel
-        Its noise model and its table of quantiles; without these only speed and chords count.
-    problem : NavigationProblem
-        Horizon, period, outline, margin and command bounds.
-    options : MarginOptions
-        Risks, headway, and what is added to every margin.
-    adapted : bool
-        Whether the model was corrected while driving: it knows its floor from a few seconds, so
-        that single commands are made safe for rarer errors.
+    `model`: its noise model and its table of quantiles; without these only speed and chords count.
+    `problem`: horizon, period, outline, margin and command bounds. `options`: risks, headway, and
+    what is added to every margin. `adapted`: whether the model was corrected while driving: it
+    knows its floor from a few seconds, so that single commands are made safe for rarer errors.
+    Raises ProblemError for a damaged table of quantiles in the model.
 
     Attributes
     ----------
@@ -70,11 +64,6 @@ class Margins:
         Standard deviation of a measured position, at full speed [m].
     calm : FeltNoise
         As long as innovations are what the model expects.
-
-    Raises
-    ------
-    ProblemError
-        For a damaged table of quantiles in the model.
     """
 
     def __init__(
@@ -159,26 +148,12 @@ class Margins:
     ) -> Array:
         """Distances that stages 1 to N must keep beyond the radii.
 
-        Parameters
-        ----------
-        felt : FeltNoise
-            The noise, as past innovations inflate it.
-        lin : Linearization
-            Of the model at `states[:-1]` and `inputs`.
-        states, inputs : ndarray
-            The plan: (N + 1, 3) and (N, 2).
-        normals : ndarray
-            Unit vectors away from the obstacles, (N, S, 2); of a robot with a footprint (N, S, 3):
-            slopes of its clearances by x, y and heading.
-        path_clearance : float or ndarray
-            What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
-            (N, 1): headway is no more than that, or the robot would not drive through narrow
-            passages.
-
-        Returns
-        -------
-        ndarray
-            (N, S) [m].
+        `felt`: the noise, as past innovations inflate it. `lin`: of the model at `states[:-1]` and
+        `inputs`. `states`, `inputs`: the plan: (N + 1, 3) and (N, 2). `normals`: unit vectors away
+        from the obstacles, (N, S, 2); of a robot with a footprint (N, S, 3): slopes of its
+        clearances by x, y and heading. `path_clearance`: what the path keeps from obstacles beyond
+        the problem's margin [m], or at each stage, (N, 1): headway is no more than that, or the
+        robot would not drive through narrow passages. Returns (N, S) [m].
         """
         kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
         return tube.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
@@ -186,12 +161,8 @@ class Margins:
     def of_motions(self, felt: FeltNoise, distances: Array, turns: Array) -> Array:
         """Margins (..., T) at the end of each period [m].
 
-        Parameters
-        ----------
-        felt : FeltNoise
-            The noise, as past innovations inflate it.
-        distances, turns : ndarray
-            What is driven [m] and turned [rad] in each period, (..., T).
+        `felt`: the noise, as past innovations inflate it. `distances`, `turns`: what is driven [m]
+        and turned [rad] in each period, (..., T).
         """
         noise = self.noise
         if not felt.command_errs:
@@ -212,14 +183,8 @@ class Margins:
     def of_commands(self, felt: FeltNoise, commands: Array, slopes: Array) -> Array:
         """Errors (C, ...) of single commands (C, 2) towards things [m].
 
-        Parameters
-        ----------
-        felt : FeltNoise
-            The noise, as past innovations inflate it.
-        commands : ndarray
-            (C, 2) [m/s, rad/s].
-        slopes : ndarray
-            (..., 3) by how much clearances grow with the pose, in the robot's frame.
+        `felt`: the noise, as past innovations inflate it. `commands`: (C, 2) [m/s, rad/s].
+        `slopes`: (..., 3) by how much clearances grow with the pose, in the robot's frame.
         """
         commands = speeds(commands)
         noise = ((commands * commands) @ felt.command).reshape(-1, STATES, STATES)
@@ -241,10 +206,7 @@ class Margins:
     def straight(self, speed: float) -> tuple[float, float]:
         """Margins ahead and aside [m] of the last stage of a straight drive, without headway.
 
-        Parameters
-        ----------
-        speed : float
-            [m/s], held for long before.
+        `speed`: [m/s], held for long before.
         """
         model, stages = self._model, self._horizon
         command = np.zeros(model.inputs)

@@ -81,16 +81,10 @@ class FeltNoise(NamedTuple):
 class ModelNoise:
     """Noise of a model, and the quantiles by which it is kept away from obstacles.
 
-    Parameters
-    ----------
-    model : MotionModel
-        Its noise model; without one there is only what innovations add.
-    problem : NavigationProblem
-        The robot's radius and speeds.
-    options : MarginOptions
-        Risks.
-    adapted : bool
-        Whether the model was corrected while driving, and knows its floor from a few seconds.
+    `model`: its noise model; without one there is only what innovations add. `problem`: the robot's
+    radius and speeds. `options`: risks. `adapted`: whether the model was corrected while driving,
+    and knows its floor from a few seconds. Raises ProblemError for a damaged table of quantiles in
+    the model.
 
     Attributes
     ----------
@@ -106,11 +100,6 @@ class ModelNoise:
         By how much two measured poses may err together, in position [m] and heading [rad].
     expected_errors : ExpectedErrors
         Judges past periods by this noise.
-
-    Raises
-    ------
-    ProblemError
-        For a damaged table of quantiles in the model.
     """
 
     def __init__(
@@ -188,10 +177,7 @@ def factor(covariance: Array) -> Array:
     What rounding leaves below zero counts as zero: unlike NumPy's it takes what is only
     semidefinite, and for so few numbers plain floats take a fifth of the time.
 
-    Parameters
-    ----------
-    covariance : ndarray
-        (n, n), symmetric.
+    `covariance`: (n, n), symmetric.
     """
     left = covariance.tolist()
     count = len(left)
@@ -235,10 +221,7 @@ def model_quantile(info: Mapping[str, Any], risk: float) -> float:
     A risk smaller than the held-out drives can vouch for follows the slope of the last rows: an
     exponential tail.
 
-    Raises
-    ------
-    ProblemError
-        For a damaged table.
+    Raises ProblemError for a damaged table.
     """
     table = info.get("noise_quantiles")
     if table is None:

@@ -13,14 +13,8 @@ from kmpc_lite.model.tube import MEMORY, TURN
 class Widest:
     """Adds up all that a margin consists of.
 
-    Parameters
-    ----------
-    noise : ModelNoise
-        Of the model.
-    problem : NavigationProblem
-        Outline and command bounds.
-    headway, solver_margin : float
-        Least margin at the fastest speed, and what is added to every margin [m].
+    `noise`: of the model. `problem`: outline and command bounds. `headway`, `solver_margin`: least
+    margin at the fastest speed, and what is added to every margin [m].
     """
 
     def __init__(

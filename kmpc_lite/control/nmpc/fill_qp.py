@@ -46,12 +46,7 @@ def keep_out(problem: NavigationProblem, slots: int) -> KeepOut:
 class FillQP:
     """Writes the QP of a pass: dynamics, half-planes and cost, around the robot.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Bounds, outline, margin.
-    slots : int
-        Half-planes per stage.
+    `problem`: bounds, outline, margin. `slots`: half-planes per stage.
     """
 
     def __init__(self, problem: NavigationProblem, slots: int) -> None:

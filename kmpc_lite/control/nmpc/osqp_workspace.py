@@ -51,14 +51,8 @@ def osqp_settings(options: OSQPOptions) -> dict[str, Any]:
 class OSQPWorkspace(QPSolver):
     """One QP, set up once, solved with new numbers; OSQP's iterates are of use at any time.
 
-    Parameters
-    ----------
-    P, A
-        As `QPSolver` has them.
-    q, lower, upper : ndarray
-        (n,), (m,), (m,).
-    settings
-        OSQP's own.
+    `P`, `A`: as `QPSolver` has them. `q`, `lower`, `upper`: (n,), (m,), (m,). `settings`: OSQP's
+    own.
     """
 
     can_be_stopped = True

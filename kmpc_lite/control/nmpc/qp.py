@@ -36,10 +36,7 @@ these in fewer iterations if they count more."""
 class QPCost:
     """Matrices P and q of the QP.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Weights.
+    `problem`: weights.
 
     Attributes
     ----------
@@ -92,14 +89,8 @@ class QPCost:
 class NavigationQP:
     """Matrices P, q, A, lower, upper of the QP, in the form that OSQP wants.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Weights, bounds, horizon.
-    history : int
-        Past commands that the model depends on, L.
-    slots : int
-        Half-plane rows per stage.
+    `problem`: weights, bounds, horizon. `history`: past commands that the model depends on, L.
+    `slots`: half-plane rows per stage.
 
     Attributes
     ----------

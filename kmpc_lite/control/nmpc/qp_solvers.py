@@ -76,11 +76,8 @@ class QPSolver:
     A solution depends on the arguments only, not on what was solved before. Solvers copy and
     pickle.
 
-    Parameters
-    ----------
-    P, A : scipy.sparse.csc_matrix
-        Upper triangle of P (n, n), and A (m, n); entries that may become nonzero are stored from
-        the start.
+    `P`, `A`: upper triangle of P (n, n), and A (m, n); entries that may become nonzero are stored
+    from the start.
     """
 
     can_be_stopped = False
@@ -98,17 +95,8 @@ class QPSolver:
     def solve(self, data: QPData, time_limit: float | None = None) -> QPSolution:
         """Solve with new numbers from a warm start.
 
-        Parameters
-        ----------
-        data : QPData
-            Left alone.
-        time_limit : float, optional
-            When to stop [s]; what there is by then comes back as STOPPED_EARLY.
-
-        Raises
-        ------
-        ValueError
-            For wrong shapes.
+        `data`: left alone. `time_limit`: when to stop [s]; what there is by then comes back as
+        STOPPED_EARLY. Raises ValueError for wrong shapes.
         """
         told = self._checked(data)
         fault = _fault(told)
@@ -157,19 +145,9 @@ MakeSolver = Callable[["NavigationQP", "OSQPOptions"], QPSolver]
 def choose_solver(solver: str | MakeSolver, qp: NavigationQP, options: OSQPOptions) -> QPSolver:
     """Set up a solver for a QP.
 
-    Parameters
-    ----------
-    solver : str or callable
-        ``"osqp"`` for our workspace, a name that qpsolvers knows, or what sets up another one.
-    qp : NavigationQP
-        Its matrices.
-    options : OSQPOptions
-        Settings of OSQP; solvers of qpsolvers take the tolerance.
-
-    Raises
-    ------
-    ProblemError
-        For a solver that is not installed.
+    `solver`: ``"osqp"`` for our workspace, a name that qpsolvers knows, or what sets up another
+    one. `qp`: its matrices. `options`: settings of OSQP; solvers of qpsolvers take the tolerance.
+    Raises ProblemError for a solver that is not installed.
     """
     if callable(solver):
         return solver(qp, options)

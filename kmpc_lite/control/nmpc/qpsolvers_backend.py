@@ -50,19 +50,9 @@ class _Split(NamedTuple):
 class QpsolversBackend(QPSolver):
     """One QP, given to a solver by its name.
 
-    Parameters
-    ----------
-    name : str
-        As qpsolvers calls the solver.
-    P, A
-        As `QPSolver` has them.
-    tolerance : float
-        That solutions are found to, as far as the solver can be told.
-
-    Raises
-    ------
-    ProblemError
-        For a solver that is not installed.
+    `name`: as qpsolvers calls the solver. `P`, `A`: as `QPSolver` has them. `tolerance`: that
+    solutions are found to, as far as the solver can be told. Raises ProblemError for a solver that
+    is not installed.
     """
 
     def __init__(self, name: str, P: sp.csc_matrix, A: sp.csc_matrix, tolerance: float) -> None:

@@ -81,31 +81,14 @@ class SQPResult:
 class SQP:
     """Solver of one navigation problem; holds the memory that a pass needs, and none beyond a call.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        What is asked; its weights are those that are used.
-    history : int
-        Past commands that models depend on, L.
-    iterations : int
-        Passes per call until the plan has settled; 1 is the real-time iteration.
-    tolerance : float
-        Change of the trajectory below which it has settled [m, rad, m/s, rad/s].
-    slots : int
-        Half-planes per stage: the nearest of all obstacles and sides of the area.
-    options : SolverOptions, optional
-        Settings of the QP solver and of the passes.
-    step : StepOptions, optional
-        How far the model may contradict a plan.
-    solver : str or callable
-        ``"osqp"``, a name that qpsolvers knows, or what sets up a solver for a QP.
-    clock : callable
-        Gives the time [s] that deadlines are on.
-
-    Raises
-    ------
-    ProblemError
-        For a solver that is not installed.
+    `problem`: what is asked; its weights are those that are used. `history`: past commands that
+    models depend on, L. `iterations`: passes per call until the plan has settled; 1 is the
+    real-time iteration. `tolerance`: change of the trajectory below which it has settled [m, rad,
+    m/s, rad/s]. `slots`: half-planes per stage: the nearest of all obstacles and sides of the area.
+    `options`: settings of the QP solver and of the passes. `step`: how far the model may contradict
+    a plan. `solver`: ``"osqp"``, a name that qpsolvers knows, or what sets up a solver for a QP.
+    `clock`: gives the time [s] that deadlines are on. Raises ProblemError for a solver that is not
+    installed.
     """
 
     def __init__(
@@ -156,14 +139,8 @@ class SQP:
         At least one pass is made; another only if it is expected to end before the deadline. The QP
         solver is stopped there.
 
-        Parameters
-        ----------
-        guess : Trajectory
-            Where to linearise first.
-        task : Task
-            What is asked.
-        least : int
-            Fewest passes: a guess that is no plan is linearised at twice.
+        `guess`: where to linearise first. `task`: what is asked. `least`: fewest passes: a guess
+        that is no plan is linearised at twice.
         """
         self.workspace.restart()
         if self._rates.active:

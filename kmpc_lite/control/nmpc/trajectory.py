@@ -56,19 +56,9 @@ def along(qp: NavigationQP, reference: Array, pose: Array) -> Trajectory:
 def one_period_later(qp: NavigationQP, last: Trajectory | None, here: Array) -> Trajectory | None:
     """Last plan, one period later, if the robot is where that plan put it.
 
-    Parameters
-    ----------
-    qp : NavigationQP
-        Shifts multipliers; its problem has the radius and the command bounds.
-    last : Trajectory, optional
-        The last plan; its last stage is held.
-    here : ndarray
-        Present pose (3,), its heading within one turn.
-
-    Returns
-    -------
-    Trajectory or None
-        None for a plan that is stale, or spoilt by whoever got it.
+    `qp`: shifts multipliers; its problem has the radius and the command bounds. `last`: the last
+    plan; its last stage is held. `here`: present pose (3,), its heading within one turn. Returns
+    None for a plan that is stale, or spoilt by whoever got it.
     """
     if last is None:
         return None
@@ -96,14 +86,8 @@ def one_period_later(qp: NavigationQP, last: Trajectory | None, here: Array) -> 
 def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
     """Commands before each stage, oldest first, (N, L, 2); none for a model without history.
 
-    Parameters
-    ----------
-    history : int
-        How many past commands the model depends on, L.
-    past : ndarray
-        (L, 2) commands already sent, oldest first.
-    inputs : ndarray
-        (N, 2) planned commands.
+    `history`: how many past commands the model depends on, L. `past`: (L, 2) commands already sent,
+    oldest first. `inputs`: (N, 2) planned commands.
     """
     if not history:
         return None

@@ -85,18 +85,9 @@ def capabilities(
 ) -> Capabilities:
     """Ask a model for all that the guide needs to know.
 
-    Parameters
-    ----------
-    model : MotionModel
-        With an input history it is asked for what it does once a command has been held that long.
-    problem : NavigationProblem
-        Command bounds, horizon, radius.
-    margins : Margins, optional
-        Margins that plans keep.
-    options : GuidanceOptions, optional
-        Lengths in radii.
-    goal_options : GoalOptions, optional
-        Lengths in radii.
+    `model`: with an input history it is asked for what it does once a command has been held that
+    long. `problem`: command bounds, horizon, radius. `margins`: margins that plans keep. `options`:
+    lengths in radii. `goal_options`: lengths in radii.
     """
     options = options or GuidanceOptions()
     goal_options = lengths_from_radii(goal_options or GoalOptions(), unit_length(problem))
@@ -158,18 +149,9 @@ def drivable_speeds(model: MotionModel, problem: NavigationProblem) -> Array:
     A skid-steer robot that makes a third of a turn it is told needs three times as long for it; one
     that slips ahead is not asked for more than was commanded.
 
-    Parameters
-    ----------
-    model : MotionModel
-        With an input history it is asked for what it does once a command has been held that long.
-    problem : NavigationProblem
-        Command bounds.
-
-    Returns
-    -------
-    ndarray
-        (3,) speed ahead [m/s], backwards [m/s], and rate of turn to the slower side [rad/s]; zeros
-        where a bound forbids it.
+    `model`: with an input history it is asked for what it does once a command has been held that
+    long. `problem`: command bounds. Returns (3,) speed ahead [m/s], backwards [m/s], and rate of
+    turn to the slower side [rad/s]; zeros where a bound forbids it.
 
     Examples
     --------
@@ -224,12 +206,7 @@ def speed_shares(model: MotionModel, problem: NavigationProblem) -> tuple[float,
 def clearance_at_speed(problem: NavigationProblem, margins: Margins) -> float:
     """Clearance [m] that a path must keep so that a plan at full speed along it keeps its margins.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Command bounds.
-    margins : Margins
-        Asked for the last stage's margin.
+    `problem`: command bounds. `margins`: asked for the last stage's margin.
     """
     # headway gives way to narrow passages, so it asks for no clearance
     _, aside = margins.straight(float(problem.bounds[1][0]))

@@ -60,14 +60,8 @@ class Extent(NamedTuple):
 class DistanceGrid:
     """Distances of nodes from the circles and solids of a request.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Start, goal, obstacles and area.
-    extent : Extent
-        Of the nodes.
-    fields : list of MapField
-        Of the occupancy grids among the solids.
+    `request`: start, goal, obstacles and area. `extent`: of the nodes. `fields`: of the occupancy
+    grids among the solids.
     """
 
     def __init__(self, request: PathRequest, extent: Extent, fields: list[MapField]) -> None:
@@ -186,12 +180,7 @@ class DistanceGrid:
 class MapField:
     """Distances from the occupied cells of a map, with a border of free cells around it.
 
-    Parameters
-    ----------
-    grid : OccupancyGrid
-        Whose.
-    step : float
-        Least distance between two places that are asked for [m].
+    `grid`: whose. `step`: least distance between two places that are asked for [m].
     """
 
     def __init__(self, grid: OccupancyGrid, step: float) -> None:
@@ -237,16 +226,9 @@ def _pieces(blocks: NDArray[np.bool_]) -> Array:
 class Ways:
     """Shortest ways on a grid to a goal, from everywhere.
 
-    Parameters
-    ----------
-    free : ndarray
-        Nodes (H, W) that ways may use.
-    costs : ndarray
-        How many times its length a way from each of them counts (H, W).
-    step : float
-        Distance between neighbours along the axes [m].
-    goal : int
-        Number of the goal's node.
+    `free`: nodes (H, W) that ways may use. `costs`: how many times its length a way from each of
+    them counts (H, W). `step`: distance between neighbours along the axes [m]. `goal`: number of
+    the goal's node.
     """
 
     def __init__(self, free: NDArray[np.bool_], costs: Array, step: float, goal: int) -> None:

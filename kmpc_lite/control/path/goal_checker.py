@@ -94,16 +94,10 @@ def goal_tolerances(
 ) -> GoalTolerances:
     """Widen the tolerances by the noise of the measured pose that the model has learned.
 
-    Parameters
-    ----------
-    model : MotionModel
-        Its noise at rest is that of the measured poses, its period is between two of them.
-    options : GoalOptions
-        Lengths as the model's.
-    asked : ndarray, optional
-        Distance and angle (2,) within which the robot is to stay: a problem's `goal_tolerance`. It
-        takes the place of `leave_distance` and `leave_angle`, and what is decided nearer to the
-        goal grows and shrinks with it.
+    `model`: its noise at rest is that of the measured poses, its period is between two of them.
+    `options`: lengths as the model's. `asked`: distance and angle (2,) within which the robot is to
+    stay: a problem's `goal_tolerance`. It takes the place of `leave_distance` and `leave_angle`,
+    and what is decided nearer to the goal grows and shrinks with it.
     """
     o = options
     found = GoalTolerances(
@@ -155,19 +149,11 @@ def holds(
 ) -> bool:
     """Tell whether the command is to be zero.
 
-    Parameters
-    ----------
-    state : GoalCheckerState
-        Updated.
-    tolerances : GoalTolerances
-        Of this robot.
-    error : ndarray
-        Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi].
-    stalled : bool
-        Whether the robot gets no nearer: it has arrived where it would not leave again.
-    *rests : ndarray
-        The same of poses at which the robot would stand if it braked now: by its model, and by how
-        it was seen to move. It holds where all of them are within tolerance.
+    `state`: updated. `tolerances`: of this robot. `error`: pose less goal (3,) [m, m, rad], the
+    heading's in [-pi, pi]. `stalled`: whether the robot gets no nearer: it has arrived where it
+    would not leave again. `*rests`: the same of poses at which the robot would stand if it braked
+    now: by its model, and by how it was seen to move. It holds where all of them are within
+    tolerance.
     """
     if not state.holding:
         state.holding = all(_has_arrived(e, tolerances, stalled) for e in (error, *rests))

@@ -62,12 +62,7 @@ CHOICE = 3
 class GridPlanner:
     """Looks for paths, part by part.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, margin, horizon; in the robot's units.
-    options : GuidanceOptions
-        Lengths in radii.
+    `problem`: radius, margin, horizon; in the robot's units. `options`: lengths in radii.
     """
 
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:

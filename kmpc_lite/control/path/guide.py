@@ -59,18 +59,10 @@ ORIGIN = np.zeros(2)
 class Guide:
     """Finds paths, and keeps to one.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Bounds, radius and margin, horizon and period.
-    options : GuidanceOptions, optional
-        How paths are found, timed and followed; lengths in radii.
-    moving : MovingObstacleOptions, optional
-        What it does about moving obstacles.
-    clock : callable
-        Gives the time [s] that `until` is on.
-    planner : Planner, optional
-        Finds paths, in the robot's units; one that fits the wheels if not given.
+    `problem`: bounds, radius and margin, horizon and period. `options`: how paths are found, timed
+    and followed; lengths in radii. `moving`: what it does about moving obstacles. `clock`: gives
+    the time [s] that `until` is on. `planner`: finds paths, in the robot's units; one that fits the
+    wheels if not given.
     """
 
     def __init__(
@@ -104,14 +96,8 @@ class Guide:
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
         """Give the reference of the coming stages.
 
-        Parameters
-        ----------
-        state : GuideState
-            What the steps before have left; updated.
-        capabilities : Capabilities
-            Of the robot, as they are known now.
-        task : GuideTask
-            What is asked.
+        `state`: what the steps before have left; updated. `capabilities`: of the robot, as they are
+        known now. `task`: what is asked.
         """
         self._take_over_centre(state, capabilities.turning_centre)
         state.age += self._dt

@@ -43,10 +43,7 @@ ARC_TIMES = (1.0, 2.0, 4.0)
 class MovingObstacleTable:
     """What follows from the options: moments that are looked at, scales and arcs that are tried.
 
-    Parameters
-    ----------
-    options : MovingObstacleOptions
-        In metres.
+    `options`: in metres.
     """
 
     def __init__(self, options: MovingObstacleOptions) -> None:
@@ -63,20 +60,11 @@ class MovingObstacleTable:
 class MovingObstacles:
     """Circles at constant velocity, as they are now.
 
-    Parameters
-    ----------
-    circles : ndarray
-        (M, 7) as of `kernels.clearance`; those at rest belong to it.
-    inflation : float
-        Distance that the robot's centre must keep from the circles' edges [m].
-    speed : ndarray
-        At which the robot drives and turns [m/s, rad/s], (2,).
-    table : MovingObstacleTable
-        Of the options.
-    solids : Solids, optional
-        What else is there, at rest.
-    area : ndarray, optional
-        Least and largest x, y of the robot's centre (2, 2) [m]: beyond it there is no room.
+    `circles`: (M, 7) as of `kernels.clearance`; those at rest belong to it. `inflation`: distance
+    that the robot's centre must keep from the circles' edges [m]. `speed`: at which the robot
+    drives and turns [m/s, rad/s], (2,). `table`: of the options. `solids`: what else is there, at
+    rest. `area`: least and largest x, y of the robot's centre (2, 2) [m]: beyond it there is no
+    room.
     """
 
     def __init__(
@@ -155,21 +143,9 @@ class MovingObstacles:
         none is, the one with the most clearance; the arc begun is kept unless another promises more
         by `switch_clearance`.
 
-        Parameters
-        ----------
-        pose : ndarray
-            The robot's pose (3,).
-        begun : int
-            Number of the arc that it is on; -1 for none.
-        times : ndarray
-            Times (n,) at which poses are wanted [s].
-
-        Returns
-        -------
-        number : int
-            Of the arc.
-        poses : ndarray
-            (n, 3) on it.
+        `pose`: the robot's pose (3,). `begun`: number of the arc that it is on; -1 for none.
+        `times`: times (n,) at which poses are wanted [s]. Returns `number`: of the arc; `poses`:
+        (n, 3) on it.
         """
         for ahead in (self._times * LONG_LOOK, self._times):
             clearance = self._clearance_on_arcs(pose, ahead)

@@ -307,12 +307,7 @@ class Planner(Protocol):
 class InMetres:
     """A user's planner, asked in metres and seconds by a guide that counts in the robot's units.
 
-    Parameters
-    ----------
-    planner : Planner
-        Asked.
-    scale : Scale
-        The robot's units.
+    `planner`: asked. `scale`: the robot's units.
     """
 
     def __init__(self, planner: Planner, scale: Scale) -> None:

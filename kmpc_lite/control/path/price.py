@@ -108,14 +108,7 @@ def fits(path: GeometricPath, request: PathRequest, margin: float) -> bool:
 def same_side(route: Route, path: GeometricPath, landmarks: Array) -> bool:
     """Tell whether two paths to one goal pass every obstacle on the same side, in the same gear.
 
-    Parameters
-    ----------
-    route : Route
-        One of them.
-    path : GeometricPath
-        The other one.
-    landmarks : ndarray
-        A point in each obstacle, (L, 2) [m].
+    `route`: one of them. `path`: the other one. `landmarks`: a point in each obstacle, (L, 2) [m].
     """
     if route.reverse != path.reverse:
         return False

@@ -48,17 +48,11 @@ class ProgressState:
     def begin_path(self, left: float, turn: float, other: bool) -> None:
         """Begin a path.
 
-        Parameters
-        ----------
-        left : float
-            Time that the path takes [s].
-        turn : float
-            Time of its first turn, which the controller makes while driving [s]: that turn is no
-            progress along the path, but the robot does not stand either.
-        other : bool
-            Whether it leads another way around than the one before. A path like the one before
-            begins a new count only if it is longer by a detour: a robot that swings before an
-            obstacle, and looks for its path again and again, makes no progress.
+        `left`: time that the path takes [s]. `turn`: time of its first turn, which the controller
+        makes while driving [s]: that turn is no progress along the path, but the robot does not
+        stand either. `other`: whether it leads another way around than the one before. A path like
+        the one before begins a new count only if it is longer by a detour: a robot that swings
+        before an obstacle, and looks for its path again and again, makes no progress.
         """
         if other or left > self.least_left + DETOUR_TIME:
             self.least_left, self.waited = left, -turn
@@ -78,14 +72,8 @@ class ProgressState:
     def watch(self, left: float, period: float, longest: float) -> bool:
         """Let a period pass, and tell whether the robot has stalled: something else is to be tried.
 
-        Parameters
-        ----------
-        left : float
-            Time to the goal [s of path].
-        period : float
-            Time that has passed [s]; zero while the robot lets something pass.
-        longest : float
-            Time that may be lost [s].
+        `left`: time to the goal [s of path]. `period`: time that has passed [s]; zero while the
+        robot lets something pass. `longest`: time that may be lost [s].
 
         Notes
         -----

@@ -78,20 +78,9 @@ class Replanner:
     def update(self, state: GuideState, now: Situation, off: float) -> tuple[bool, bool]:
         """Look for another path where there is a reason.
 
-        Parameters
-        ----------
-        state : GuideState
-            Updated.
-        now : Situation
-            Of this step.
-        off : float
-            Distance of the robot from its path [m].
-
-        Returns
-        -------
-        refreshed, switched : bool
-            Whether a search has ended in this step; and whether its path, or that there is none,
-            leads another way around than the path before.
+        `state`: updated. `now`: of this step. `off`: distance of the robot from its path [m].
+        Returns `refreshed`, `switched`: whether a search has ended in this step; and whether its
+        path, or that there is none, leads another way around than the path before.
         """
         self._watch_turn(state, now)
         strayed = self._watch_place(state, now, off)
@@ -198,12 +187,7 @@ class Replanner:
 class PathWatch:
     """Looks along the path that is driven.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, margin, period.
-    options : GuidanceOptions
-        In metres.
+    `problem`: radius, margin, period. `options`: in metres.
     """
 
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:

@@ -106,12 +106,7 @@ class Situation(NamedTuple):
 class Surveyor:
     """Sees the situation of a step, from the point about which the robot turns.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Area, radius and margin.
-    options : MovingObstacleOptions
-        What the robot does about what moves.
+    `problem`: area, radius and margin. `options`: what the robot does about what moves.
     """
 
     def __init__(self, problem: NavigationProblem, options: MovingObstacleOptions) -> None:
@@ -210,20 +205,10 @@ def wait_in_sight(
     A plan that is drawn farther than it may go is solved badly. A robot that waits where
     no scanner looks turns round to look.
 
-    Parameters
-    ----------
-    states : ndarray
-        Changed.
-    state : GuideState
-        Updated: whether it looks.
-    now : Situation
-        Robot, and what scans have shown.
-    known : float
-        How far from the robot everything is told [m]; infinite if it always is.
-    body : float
-        Distance that the robot keeps from what is unknown [m].
-    turn : float
-        How far it turns from stage to stage [rad].
+    `states`: changed. `state`: updated: whether it looks. `now`: robot, and what scans have shown.
+    `known`: how far from the robot everything is told [m]; infinite if it always is. `body`:
+    distance that the robot keeps from what is unknown [m]. `turn`: how far it turns from stage to
+    stage [rad].
     """
     view = now.view
     if view is None and known == math.inf:

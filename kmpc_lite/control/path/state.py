@@ -128,12 +128,7 @@ class GuideState:
         more than what is left there. A robot that is to keep more is driven away from a goal
         between obstacles, and swings about it.
 
-        Parameters
-        ----------
-        states : ndarray
-            The reference, or a plan.
-        inflation : float
-            The problem's [m].
+        `states`: the reference, or a plan. `inflation`: the problem's [m].
         """
         kept, left = self.path_clearance, max(self.goal_clearance, 0.0)
         if left >= kept:

@@ -75,14 +75,8 @@ def led_out(path: Path, start: Array) -> Path:
 def all_clearances(request: PathRequest, turning: float, options: GuidanceOptions) -> list[float]:
     """Clearances that are tried [m], the widest first.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Has the clearance at full speed, and the turning centre.
-    turning : float
-        What the robot needs beyond half its width to turn on the spot [m]; a round one nothing.
-    options : GuidanceOptions
-        In metres.
+    `request`: has the clearance at full speed, and the turning centre. `turning`: what the robot
+    needs beyond half its width to turn on the spot [m]; a round one nothing. `options`: in metres.
     """
     widest, centre = options.wide_clearance, request.centre
     narrow = [options.narrow_clearance, LEAST_CLEARANCE]

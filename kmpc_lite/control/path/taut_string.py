@@ -92,14 +92,7 @@ class Line(NamedTuple):
 class Surroundings:
     """What strings of one clearance lie around.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Start, goal, obstacles.
-    grid : DistanceGrid
-        Of its obstacles.
-    kept : float
-        Distance from them [m].
+    `request`: start, goal, obstacles. `grid`: of its obstacles. `kept`: distance from them [m].
     """
 
     def __init__(self, request: PathRequest, grid: DistanceGrid, kept: float) -> None:
@@ -168,16 +161,9 @@ def beside_line(point: Array, corners: Array) -> tuple[float, float]:
 class String:
     """A string around discs: straight lines, and arcs on the discs.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Start, goal, speeds.
-    discs : list of Disc
-        Of start and goal, and those between: each has a common tangent with the next.
-    courses : list of float
-        Directions of these tangents [rad].
-    reverse : bool
-        Whether it is driven backwards.
+    `request`: start, goal, speeds. `discs`: of start and goal, and those between: each has a common
+    tangent with the next. `courses`: directions of these tangents [rad]. `reverse`: whether it is
+    driven backwards.
     """
 
     def __init__(
@@ -225,16 +211,8 @@ class String:
 class TautStrings:
     """Strings around the same discs in one gear, each with other turns at start and goal.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Start, goal, speeds.
-    around : Surroundings
-        What is in the way.
-    line : Line
-        From start to goal.
-    reverse : bool
-        Whether they are driven backwards.
+    `request`: start, goal, speeds. `around`: what is in the way. `line`: from start to goal.
+    `reverse`: whether they are driven backwards.
     """
 
     def __init__(

@@ -35,19 +35,11 @@ AT_GOAL = 1e-6
 class TimedPath:
     """A path as it is driven (`timed`); it does not change.
 
-    Parameters
-    ----------
-    path : Path
-        Poses, and times where the planner has timed them.
-    speed : ndarray
-        Speed [m/s] and rate of turn [rad/s] to drive at, (2,).
-    free_turn : float
-        Part of the first turn that is left to the controller, to be made while driving [rad].
-    wheels : tuple
-        How far a wheel drives for each radian that the robot turns [m], and its fastest speed
-        [m/s].
-    deceleration : float
-        With which the drive ends [m/s^2]; infinite if the robot stands at once.
+    `path`: poses, and times where the planner has timed them. `speed`: speed [m/s] and rate of turn
+    [rad/s] to drive at, (2,). `free_turn`: part of the first turn that is left to the controller,
+    to be made while driving [rad]. `wheels`: how far a wheel drives for each radian that the robot
+    turns [m], and its fastest speed [m/s]. `deceleration`: with which the drive ends [m/s^2];
+    infinite if the robot stands at once.
     """
 
     def __init__(

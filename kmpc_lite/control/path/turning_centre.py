@@ -37,18 +37,9 @@ def turning_centre(model: MotionModel, problem: NavigationProblem) -> Array | No
     What the model predicts for turns on the spot at several headings is compared with circles about
     a point that is fixed to the robot: least squares in its two coordinates.
 
-    Parameters
-    ----------
-    model : MotionModel
-        With an input history it is asked for what it does once a command has been held that long.
-    problem : NavigationProblem
-        Command bounds.
-
-    Returns
-    -------
-    ndarray or None
-        (2,) ahead and to the left [m]; None if it is the pose itself, or where the motion is no
-        turn about a point.
+    `model`: with an input history it is asked for what it does once a command has been held that
+    long. `problem`: command bounds. Returns (2,) ahead and to the left [m]; None if it is the pose
+    itself, or where the motion is no turn about a point.
 
     Examples
     --------
@@ -75,12 +66,10 @@ def _turns(
 ) -> tuple[Array, Array, Array, Array]:
     """Turns on the spot to both sides, compared at each heading.
 
-    Returns
-    -------
-    cos, sin, dx, dy : ndarray
-        (H,) each: by how much cosine and sine of the heading after a left turn are less than after
-        a right turn, and by how much farther the pose has moved [m]. What is the same for both
-        turns is no turn; a turn about a point moves the pose by (R(before) - R(after)) point.
+    Returns `cos`, `sin`, `dx`, `dy`: (H,) each: by how much cosine and sine of the heading after a
+    left turn are less than after a right turn, and by how much farther the pose has moved [m]. What
+    is the same for both turns is no turn; a turn about a point moves the pose by (R(before) -
+    R(after)) point.
     """
     u_min, u_max, _, _ = problem.bounds
     commands = np.zeros((2, headings, model.inputs))

@@ -77,12 +77,8 @@ class Motions(NamedTuple):
 class SafeMotions:
     """Finds the safe motion of a plan.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Period, outline, and how fast commands may change.
-    options : StopOptions
-        What is tried, and what may be spent.
+    `problem`: period, outline, and how fast commands may change. `options`: what is tried, and what
+    may be spent.
 
     Attributes
     ----------
@@ -103,12 +99,8 @@ class SafeMotions:
     def find(self, states: Array, inputs: Array, task: Task) -> SafeMotion:
         """Find what may be driven of a plan from the present pose.
 
-        Parameters
-        ----------
-        states, inputs : ndarray
-            The plan (N + 1, 3) and (N, 2); left as they are.
-        task : Task
-            What it must be clear of.
+        `states`, `inputs`: the plan (N + 1, 3) and (N, 2); left as they are. `task`: what it must
+        be clear of.
         """
         ramp = np.concatenate([inputs[:1], self._rates.ramp(inputs[0])])
         if task.margins is None or task.around.is_empty or self._is_far(states[0], ramp, task):
@@ -132,16 +124,8 @@ class SafeMotions:
     def rollout(self, model: MotionModel, here: Array, commands: Array, past: Array) -> Array:
         """States (..., T + L + 1, 3) of a motion, and of the coasting after it.
 
-        Parameters
-        ----------
-        model : MotionModel
-            Predicts, with L past commands.
-        here : ndarray
-            Pose (3,) at which it begins.
-        commands : ndarray
-            (..., T, 2), to zero.
-        past : ndarray
-            (L, 2) commands already sent.
+        `model`: predicts, with L past commands. `here`: pose (3,) at which it begins. `commands`:
+        (..., T, 2), to zero. `past`: (L, 2) commands already sent.
         """
         if model.history:
             still = np.zeros((*commands.shape[:-2], model.history, commands.shape[-1]))

@@ -19,15 +19,9 @@ BEHIND = 1e-3
 class Boxes:
     """Rectangles along the axes of a grid.
 
-    Parameters
-    ----------
-    low, high : ndarray
-        Corners (B, 2), (B, 2) [m], in the grid's frame.
-    grid : OccupancyGrid
-        Whose.
-    behind : float
-        How far a rectangle's nearest point may stand out of another one's half-plane and count as
-        behind it [m].
+    `low`, `high`: corners (B, 2), (B, 2) [m], in the grid's frame. `grid`: whose. `behind`: how far
+    a rectangle's nearest point may stand out of another one's half-plane and count as behind it
+    [m].
     """
 
     def __init__(

@@ -63,10 +63,8 @@ class Circle(_CircleFields):
 def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
     """Rows x, y, radius, vx, vy, (M, 5), from circles or from an array (M, 3) or (M, 5).
 
-    Raises
-    ------
-    ValueError
-        For other shapes. Values are not looked at: what arrives while driving must not raise.
+    Raises ValueError for other shapes. Values are not looked at: what arrives while driving must
+    not raise.
     """
     if isinstance(obstacles, Sequence) and not len(obstacles):
         return np.empty((0, COLUMNS))

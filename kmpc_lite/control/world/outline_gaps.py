@@ -28,17 +28,9 @@ def sharpen(
     The rows of its circles are those of the points in which it comes nearest then: a corner of one
     and an edge of the other, each with what turning does to it.
 
-    Parameters
-    ----------
-    outlines : Outlines
-        P solids.
-    footprint : Footprint
-        Covered by C circles.
-    poses : ndarray
-        (n, 3) of the robot.
-    distances, slopes : ndarray
-        Of the circles' middles from the solids, (n C, P) [m], and by a pose's coordinates,
-        (n C, P, 3).
+    `outlines`: p solids. `footprint`: covered by C circles. `poses`: (n, 3) of the robot.
+    `distances`, `slopes`: of the circles' middles from the solids, (n C, P) [m], and by a pose's
+    coordinates, (n C, P, 3).
     """
     if not (len(outlines) and footprint.is_covered_closely):
         return
@@ -69,16 +61,8 @@ def outline_gaps(
     the robot's distance. Below zero where a corner of one lies in the other. Outlines that cross
     without that are not noticed: the circles inside the robot tell them.
 
-    Parameters
-    ----------
-    outlines : Outlines
-        P of them.
-    footprint : Footprint
-        The robot's outline, of K corners.
-    poses : ndarray
-        (n, 3) of the robot.
-    count : int
-        How many points, at most K + 1.
+    `outlines`: p of them. `footprint`: the robot's outline, of K corners. `poses`: (n, 3) of the
+    robot. `count`: how many points, at most K + 1.
     """
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turns = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], axis=1)
@@ -107,12 +91,8 @@ def outline_gaps(
 def with_turning(away: Array, arms: Array) -> Array:
     """Slopes (..., 3) by a robot's pose of distances of points on it.
 
-    Parameters
-    ----------
-    away : ndarray
-        Directions in which the points leave what they are near, (..., 2).
-    arms : ndarray
-        From the robot to the points, (..., 2) [m].
+    `away`: directions in which the points leave what they are near, (..., 2). `arms`: from the
+    robot to the points, (..., 2) [m].
     """
     turn = away[..., 1] * arms[..., 0] - away[..., 0] * arms[..., 1]
     return np.concatenate([away, turn[..., None]], axis=-1)

@@ -29,14 +29,9 @@ def corners_of(solid: Polygon | Wall) -> Array:
 class Outlines:
     """Rounded convex outlines (P,) with at most E edges; shorter ones repeat their last edge.
 
-    Parameters
-    ----------
-    begins, steps : ndarray
-        Where edges begin, counter-clockwise, and how they go on, (P, E, 2) [m].
-    rounding : ndarray
-        Distance from the outline that belongs to the shape, (P,) [m].
-    is_line : ndarray
-        Which have one edge and no inside, (P,).
+    `begins`, `steps`: where edges begin, counter-clockwise, and how they go on, (P, E, 2) [m].
+    `rounding`: distance from the outline that belongs to the shape, (P,) [m]. `is_line`: which have
+    one edge and no inside, (P,).
     """
 
     def __init__(self, begins: Array, steps: Array, rounding: Array, is_line: Array) -> None:

@@ -73,16 +73,9 @@ def too_many(circles: int, solids: Sequence[Solid], scans: int, most: ObstacleOp
 class Scene:
     """Sorts obstacles, and looks up those that the robot can come to.
 
-    Parameters
-    ----------
-    unit : float
-        Metres of one unit of the robot's lengths.
-    reach : float
-        How far from the robot solids count, in units.
-    lookup_distance : float
-        How far the robot drives before they are looked up again, in units.
-    most : ObstacleOptions
-        How many are looked at.
+    `unit`: metres of one unit of the robot's lengths. `reach`: how far from the robot solids count,
+    in units. `lookup_distance`: how far the robot drives before they are looked up again, in units.
+    `most`: how many are looked at.
     """
 
     def __init__(
@@ -101,10 +94,7 @@ class Scene:
     ) -> tuple[str, Array, Solids | None, tuple[LaserScan, ...]]:
         """Why they are too many; circles (M, 5) and scans in metres, and solids in units if any.
 
-        Raises
-        ------
-        ValueError
-            For what is neither circles, nor solids, nor an array of circles.
+        Raises ValueError for what is neither circles, nor solids, nor an array of circles.
         """
         # an array of no dimension has no length, though it is sized
         sized = isinstance(obstacles, Sized) and getattr(obstacles, "ndim", 1) > 0

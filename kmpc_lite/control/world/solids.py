@@ -77,10 +77,7 @@ class Nearby:
 class Solids:
     """Solids of a map, prepared once.
 
-    Parameters
-    ----------
-    solids : sequence of Polygon, Wall or OccupancyGrid
-        At rest.
+    `solids`: at rest.
     """
 
     def __init__(self, solids: Sequence[Solid]) -> None:

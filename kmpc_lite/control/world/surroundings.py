@@ -33,24 +33,13 @@ class Surroundings:
 
     A moving obstacle counts twice: where its velocity leads it, and wherever it can turn to.
 
-    Parameters
-    ----------
-    things : ndarray
-        (M, 7) what is round, as it is now: a table of `kernels.clearance`.
-    nearby : Nearby, optional
-        Solids that the robot can come to.
-    perhaps : ndarray
-        (P, 7) what may be walking, and is else known as something that stands.
-    unsure : ndarray
-        (M,) what is not known of the speeds of things; (0,) if all are known.
-    swerve_time : float
-        For how long a moving obstacle may walk in any direction [s].
-    known : float
-        How far from the middles of the robot's circles everything is known [m].
-    emerging_speed : float
-        At which something may come out of what is not known [m/s].
-    unknown : Nearby, optional
-        What scans have not shown to be free, where something may come out of it.
+    `things`: (M, 7) what is round, as it is now: a table of `kernels.clearance`. `nearby`: solids
+    that the robot can come to. `perhaps`: (P, 7) what may be walking, and is else known as
+    something that stands. `unsure`: (M,) what is not known of the speeds of things; (0,) if all are
+    known. `swerve_time`: for how long a moving obstacle may walk in any direction [s]. `known`: how
+    far from the middles of the robot's circles everything is known [m]. `emerging_speed`: at which
+    something may come out of what is not known [m/s]. `unknown`: what scans have not shown to be
+    free, where something may come out of it.
 
     Attributes
     ----------
@@ -105,21 +94,9 @@ class Surroundings:
     ) -> Array:
         """Distances from points to the edges of all things.
 
-        Parameters
-        ----------
-        points : ndarray
-            (C, Q, E, 2); Q may be 1 for points at rest [m].
-        times : ndarray
-            (Q,) from now [s].
-        here : ndarray
-            (E, 2) where the points are now [m].
-        body : Body, optional
-            Footprint and poses (C Q, 3) whose circles the points are.
-
-        Returns
-        -------
-        ndarray
-            (C, Q, E, K) [m], negative inside.
+        `points`: (C, Q, E, 2); Q may be 1 for points at rest [m]. `times`: (Q,) from now [s].
+        `here`: (E, 2) where the points are now [m]. `body`: footprint and poses (C Q, 3) whose
+        circles the points are. Returns (C, Q, E, K) [m], negative inside.
         """
         shape = (len(points), len(times), len(here))
         found = []
@@ -146,16 +123,8 @@ class Surroundings:
     ) -> Array:
         """By how much clearances grow with the pose, in the robot's frame (E, K, 3).
 
-        Parameters
-        ----------
-        here : ndarray
-            (E, 2) middles of the robot's circles [m].
-        pose : ndarray
-            (3,) of the robot.
-        step : float
-            Of the differences that are taken [m].
-        footprint : Footprint, optional
-            Whose circles the points are.
+        `here`: (E, 2) middles of the robot's circles [m]. `pose`: (3,) of the robot. `step`: of the
+        differences that are taken [m]. `footprint`: whose circles the points are.
         """
         steps = step * np.array(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
         moved, body = here + steps[:, None], None

@@ -58,12 +58,8 @@ class Around:
 class Tracking:
     """Follows what is round; it remembers nothing itself.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Its `sensor_range`, radius, speeds and period, in the robot's units.
-    options : ControllerOptions
-        When circles count as moving, how long they are remembered, and how many there may be.
+    `problem`: its `sensor_range`, radius, speeds and period, in the robot's units. `options`: when
+    circles count as moving, how long they are remembered, and how many there may be.
     """
 
     def __init__(self, problem: NavigationProblem, options: ControllerOptions) -> None:
@@ -86,27 +82,11 @@ class Tracking:
     ) -> Around:
         """Take in the circles and the scans of a step.
 
-        Parameters
-        ----------
-        state : TrackedCircles
-            Updated.
-        given : ndarray
-            (M, 7).
-        scans : sequence of LaserScan
-            Seen from the pose.
-        pose : ndarray, optional
-            (3,) of the robot; if it is unknown, nothing counts as within reach.
-        before : LocalMap, optional
-            What the scans before have shown.
-        noise : float
-            By how much poses may err.
-        driven : float
-            How far the robot drives in a period, by which the list may be older than the pose.
-
-        Returns
-        -------
-        Around
-            Its things are the very same array if all do as given and no pedestrian walks.
+        `state`: updated. `given`: (M, 7). `scans`: seen from the pose. `pose`: (3,) of the robot;
+        if it is unknown, nothing counts as within reach. `before`: what the scans before have
+        shown. `noise`: by how much poses may err. `driven`: how far the robot drives in a period,
+        by which the list may be older than the pose. Returns its things are the very same array if
+        all do as given and no pedestrian walks.
         """
         last = state.things
         things, as_given = self._given_again(state, given, pose, noise, driven)

@@ -136,16 +136,9 @@ class TrackedCircles:
 class Follower:
     """Brings tracks from period to period; it remembers nothing itself.
 
-    Parameters
-    ----------
-    dt : float
-        Period [s].
-    options : TrackerOptions
-        In radii and shares of the fastest speed.
-    radius, speed : float
-        Of the robot that the options are multiples of [m, m/s].
-    spread_max : float
-        How far what moves spreads at the most [m].
+    `dt`: period [s]. `options`: in radii and shares of the fastest speed. `radius`, `speed`: of the
+    robot that the options are multiples of [m, m/s]. `spread_max`: how far what moves spreads at
+    the most [m].
     """
 
     def __init__(
@@ -171,12 +164,8 @@ class Follower:
     ) -> tuple[Tracks, Array]:
         """Take in circles (N, 5), given or seen in scans as sources (N,) say.
 
-        Returns
-        -------
-        tracks : Tracks
-            A period later.
-        found : ndarray
-            (N,) index of each circle's track; -1 for those that are too many.
+        Returns `tracks`: a period later; `found`: (N,) index of each circle's track; -1 for those
+        that are too many.
         """
         sources = np.broadcast_to(sources, len(circles))
         rows, found = scan_library.follow(tracks.rows, circles, sources, *self.numbers)

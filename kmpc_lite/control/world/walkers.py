@@ -37,16 +37,8 @@ BEHIND = 1.5
 def clusters(scan: LaserScan, pose: Array, robot: float, largest: float = LARGEST) -> Array:
     """Circles (N, 5) at rest of the small things that stand free in a scan (`kernels.clusters`).
 
-    Parameters
-    ----------
-    scan : LaserScan
-        Seen from the pose.
-    pose : ndarray
-        Of the robot (3,).
-    robot : float
-        Its radius [m].
-    largest : float
-        Largest radius of a cluster [radii].
+    `scan`: seen from the pose. `pose`: of the robot (3,). `robot`: its radius [m]. `largest`:
+    largest radius of a cluster [radii].
     """
     sizes = abs(scan.angle_increment), GAP * robot, largest * robot
     mount = np.array(scan.mount[:2])
@@ -73,13 +65,8 @@ def walking_tracks(
     past each other, are one cluster for a while. One that comes to where it was free may walk
     though it is not seen to leave a place: another follows it, or it is near and hides it.
 
-    Returns
-    -------
-    known : ndarray
-        (W,) indices of tracks that walk.
-    perhaps : ndarray
-        (P,) of those that have left their place, but not for long enough to be sure, or only come
-        to where it was free.
+    Returns `known`: (W,) indices of tracks that walk; `perhaps`: (P,) of those that have left their
+    place, but not for long enough to be sure, or only come to where it was free.
     """
     dt, begins, moving = follower.dt, follower.options.begins, tracks.moving
     gap = GAP * follower.radius

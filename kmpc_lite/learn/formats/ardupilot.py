@@ -86,10 +86,7 @@ FULL_STEERING = 4500.0
 def read_dataflash(path: Path, options: ReadOptions) -> Log:
     """Read poses of the EKF, or of the GPS, and commands: wanted speeds, or shares of the motors.
 
-    Raises
-    ------
-    DataError
-        If one of them is not logged.
+    Raises DataError if one of them is not logged.
     """
     with open_regular(path) as file:
         if (begin := file.read(3))[:2] != HEAD:
@@ -200,10 +197,7 @@ STEP = 0.5
 def read_tlog(path: Path, options: ReadOptions) -> Log:
     """Read the vehicle's poses, and what it was told: set-points, or positions of sticks.
 
-    Raises
-    ------
-    DataError
-        If one of them is not in the log.
+    Raises DataError if one of them is not in the log.
     """
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 

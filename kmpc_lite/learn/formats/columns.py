@@ -108,26 +108,11 @@ def find_columns(
 ) -> Found:
     """Find t and the poses, and the commands where they are there; or t and the commands alone.
 
-    Parameters
-    ----------
-    file : Path
-        For messages.
-    header : sequence of str
-        Names of the table's columns.
-    chosen : mapping
-        Our name to the table's, as the user gave them.
-    where : str
-        Where the header stands, for messages.
-    poses : bool
-        Whether poses are needed; else the commands are.
-    given : collection of str
-        Our names of columns whose units the user gave.
-
-    Raises
-    ------
-    DataError
-        For columns that are missing, doubled, or of which several may be meant; for a unit that
-        nobody knows.
+    `file`: for messages. `header`: names of the table's columns. `chosen`: our name to the table's,
+    as the user gave them. `where`: where the header stands, for messages. `poses`: whether poses
+    are needed; else the commands are. `given`: our names of columns whose units the user gave.
+    Raises DataError for columns that are missing, doubled, or of which several may be meant; for a
+    unit that nobody knows.
     """
     for name in chosen:
         if name not in NAMES:

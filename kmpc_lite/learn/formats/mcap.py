@@ -72,10 +72,7 @@ class _Bounded:
 def read_messages(file: BinaryIO) -> Iterator[Found]:
     """Yield all that is in an open file, in its order, as far as it is whole.
 
-    Raises
-    ------
-    ValueError
-        For whatever is wrong with its content, in one line.
+    Raises ValueError for whatever is wrong with its content, in one line.
     """
     from mcap import records as of
 

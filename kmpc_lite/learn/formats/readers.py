@@ -57,10 +57,7 @@ MAGIC = {
 def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Log:
     """Read one file, or a folder that is a rosbag2, in SI units and x east, y north.
 
-    Raises
-    ------
-    DataError
-        For whatever is wrong, in one line that names the file.
+    Raises DataError for whatever is wrong, in one line that names the file.
     """
     options = ReadOptions() if options is None else options
     file = Path(path)
@@ -113,10 +110,8 @@ def _usable(log: Log, options: ReadOptions) -> Log:
 def find_logs(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
     """Files and bags that are meant: a folder that is no bag means the logs in it.
 
-    Raises
-    ------
-    DataError
-        For a folder without logs, an unknown ending, and a reader that is not installed.
+    Raises DataError for a folder without logs, an unknown ending, and a reader that is not
+    installed.
     """
     found: list[Path] = []
     for path in map(Path, paths):
@@ -137,10 +132,7 @@ def find_logs(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
 def refuse_unused(files: Iterable[Path], options: ReadOptions) -> None:
     """Refuse options that none of the logs can heed.
 
-    Raises
-    ------
-    DataError
-        Names the option.
+    Raises DataError: names the option.
     """
     tables = {reader_of(file) is TABLE for file in files}
     if options.columns and True not in tables:

@@ -32,14 +32,8 @@ EARTH = 6_378_137.0
 class Thinned:
     """Samples at least `spacing` apart; where they become too many, every other one is left out.
 
-    Parameters
-    ----------
-    width : int
-        Values of a sample.
-    spacing : float
-        Least time between two samples that are kept [s].
-    most : int
-        Samples that are kept.
+    `width`: values of a sample. `spacing`: least time between two samples that are kept [s].
+    `most`: samples that are kept.
     """
 
     def __init__(self, width: int, spacing: float, most: int = MOST_SAMPLES) -> None:
@@ -71,10 +65,7 @@ class Thinned:
 def pick(path: Path, name: str, chosen: Mapping[str, str], there: Sequence[str], seen: str) -> str:
     """Choose a source: the user's, else the first that is there.
 
-    Raises
-    ------
-    DataError
-        If it is not.
+    Raises DataError if it is not.
     """
     wanted = chosen.get(name)
     if wanted is None and there:
@@ -97,27 +88,11 @@ def make_log(
 ) -> Log:
     """Put a log together from poses and commands of an autopilot.
 
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    poses : tuple
-        Where they were found; time, north, east and yaw from north, (n, 4).
-    commands : Series
-        Turns to the left positive.
-    kind : str
-        Of the messages.
-    counts : mapping
-        Messages of each name that are in the file.
-    shares : bool
-        Whether the commands are shares of what the motors can do.
-    car : bool
-        Whether it steers its wheels: shares of steering are positions of its servo then.
-
-    Raises
-    ------
-    DataError
-        For fewer than two poses.
+    `path`: for messages. `poses`: where they were found; time, north, east and yaw from north, (n,
+    4). `commands`: turns to the left positive. `kind`: of the messages. `counts`: messages of each
+    name that are in the file. `shares`: whether the commands are shares of what the motors can do.
+    `car`: whether it steers its wheels: shares of steering are positions of its servo then. Raises
+    DataError for fewer than two poses.
     """
     source, rows = poses
     if len(rows) < 2:
@@ -152,10 +127,7 @@ def two_or_three(log: Log) -> Log:
 def held_together(first: Array, second: Array) -> Array:
     """Rows (n, 3) of time and two values that are logged apart: each is held until its next one.
 
-    Parameters
-    ----------
-    first, second : ndarray
-        Time [s] and value, (k, 2) and (m, 2).
+    `first`, `second`: time [s] and value, (k, 2) and (m, 2).
     """
     time = np.unique(np.concatenate([first[:, 0], second[:, 0]]))
     time = time[time >= max(first[0, 0], second[0, 0])]
@@ -167,12 +139,8 @@ def held_together(first: Array, second: Array) -> Array:
 def with_heading(positions: Array, headings: Array) -> Array:
     """Rows (n, 4) of time, x, y and a heading that is interpolated from messages of its own.
 
-    Parameters
-    ----------
-    positions : ndarray
-        Time [s], x and y [m], (n, 3).
-    headings : ndarray
-        Time [s] and heading [rad], (k, 2), two at least.
+    `positions`: time [s], x and y [m], (n, 3). `headings`: time [s] and heading [rad], (k, 2), two
+    at least.
     """
     time, known = positions[:, 0], headings[:, 0]
     after = np.clip(np.searchsorted(known, time), 1, len(known) - 1)

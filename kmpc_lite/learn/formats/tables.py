@@ -81,10 +81,7 @@ class Table:
 def read_table(file: Path, options: ReadOptions) -> Log:
     """Read a table; its commands from another one, where the options name it.
 
-    Raises
-    ------
-    DataError
-        With file, line and column, for whatever is wrong.
+    Raises DataError with file, line and column, for whatever is wrong.
     """
     table, notes = _read(file, options)
     found, columns, time = table.found, table.columns, table.columns["t"]

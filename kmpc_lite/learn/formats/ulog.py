@@ -40,10 +40,7 @@ preferred; turns to the right are positive there."""
 def read_ulog(path: Path, options: ReadOptions) -> Log:
     """Read the local position, and what speeds or shares of the motors the rover was to have.
 
-    Raises
-    ------
-    DataError
-        If one of them is not logged.
+    Raises DataError if one of them is not logged.
     """
     from pyulog import ULog
 

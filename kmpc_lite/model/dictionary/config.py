@@ -15,10 +15,8 @@ from kmpc_lite.model.dictionary.unicycle import UnicycleDictionary
 def dictionary_from_config(config: dict[str, Any]) -> Dictionary:
     """Build the dictionary that `dictionary_to_config` described.
 
-    Raises
-    ------
-    ModelError
-        For a kind that this version does not know, or arguments that it does not take.
+    Raises ModelError for a kind that this version does not know, or arguments that it does not
+    take.
     """
     if not isinstance(config, dict):
         raise ModelError(f"dictionary: expected its kind and arguments, got {config!r}")

@@ -32,21 +32,12 @@ class ResponseDictionary(LiftedAsBase):
     ``omega^2 / sqrt(omega^2 + eps^2)``, which is even, and zero with its slope at zero. Beyond the
     log's largest speeds the slip terms stay what they are there: cubics extrapolate badly.
 
-    Parameters
-    ----------
-    base : Dictionary
-        How the pose is lifted.
-    speed, turn : sequence of float
-        Weights of the present and of past commands, newest first: for v, which are an omni's for
-        its speed to the left, too, and for omega.
-    terms : sequence of str
-        Which of `terms_of` its commands the model is bilinear in, in this order.
-    smoothing : sequence of float
-        eps of each number of a command [m/s, rad/s], > 0.
-    limits : sequence of float
-        Largest size of each that the slip terms follow [m/s, rad/s].
-    steered : bool
-        Whether `turn` weighs the curvatures of a car's commands instead of their turn rates.
+    `base`: how the pose is lifted. `speed`, `turn`: weights of the present and of past commands,
+    newest first: for v, which are an omni's for its speed to the left, too, and for omega. `terms`:
+    which of `terms_of` its commands the model is bilinear in, in this order. `smoothing`: eps of
+    each number of a command [m/s, rad/s], > 0. `limits`: largest size of each that the slip terms
+    follow [m/s, rad/s]. `steered`: whether `turn` weighs the curvatures of a car's commands instead
+    of their turn rates.
 
     Examples
     --------

@@ -53,10 +53,7 @@ def _name() -> str:
 def read_board(file: Path) -> Board:
     """Read what `kmpc bench --json` wrote.
 
-    Raises
-    ------
-    DataError
-        If that is something else.
+    Raises DataError if that is something else.
     """
     try:
         told = json.loads(read_bytes(file, LARGEST))

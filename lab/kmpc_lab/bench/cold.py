@@ -59,21 +59,9 @@ def cold_steps(
 ) -> list[Row]:
     """Time the steps of contenders from the same states, in turns step by step.
 
-    Parameters
-    ----------
-    field_of : sequence of Contender
-        Those that take part; times are compared with those of the first.
-    model, problem
-        For all of them.
-    drives : sequence of RecordedDrive
-        Recorded states.
-    progress : callable
-        Called as drives finish.
-
-    Returns
-    -------
-    list of dict
-        For each contender ``name``, ``steps``, and ``ms`` (p50, p99, p99.9 and max of a step).
+    `field_of`: those that take part; times are compared with those of the first. `model`,
+    `problem`: for all of them. `drives`: recorded states. `progress`: called as drives finish.
+    Returns for each contender ``name``, ``steps``, and ``ms`` (p50, p99, p99.9 and max of a step).
     """
     most = max(len(drive.circles) for drive in drives)
     stepped = [_Stepped(c.label, c.make(model, problem, most), c.timed) for c in field_of]
@@ -87,19 +75,8 @@ def cold_steps(
 def cold_lidar_steps(drives: int, seed: int, progress: Progress) -> list[Row]:
     """Time steps past circles and by lidars (`lidar.BEAMS`).
 
-    Parameters
-    ----------
-    drives : int
-        Of each kind.
-    seed : int
-        Of the first; the others follow.
-    progress : callable
-        Called as drives finish.
-
-    Returns
-    -------
-    list of dict
-        As of `cold_steps`, for each kind of drive.
+    `drives`: of each kind. `seed`: of the first; the others follow. `progress`: called as drives
+    finish. Returns as of `cold_steps`, for each kind of drive.
     """
     driver = make_controller()
     rows: dict[str, list[_Stepped]] = {}
@@ -127,19 +104,10 @@ def compare_cold(
 ) -> dict[str, Any]:
     """All tables: contenders on the states of full steps, and full steps by lidar.
 
-    Parameters
-    ----------
-    drives, steps, obstacles : int
-        Recorded drives of each kind, states of those past circles, and how many circles.
-    seed : int
-        Of the first drive; the others follow.
-    progress, by_lidar : callable
-        Called as drives of each table finish.
-
-    Returns
-    -------
-    dict
-        ``machine``, ``tables`` by their titles, and why contenders were ``left_out``.
+    `drives`, `steps`, `obstacles`: recorded drives of each kind, states of those past circles, and
+    how many circles. `seed`: of the first drive; the others follow. `progress`, `by_lidar`: called
+    as drives of each table finish. Returns ``machine``, ``tables`` by their titles, and why
+    contenders were ``left_out``.
     """
     model, problem = learned_model(), papers_problem()
     left_out = {c.label: c.missing for c in COLD_CONTENDERS if c.missing}

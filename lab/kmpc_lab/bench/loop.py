@@ -130,21 +130,11 @@ def run_loop(
 ) -> LoopResult:
     """Drive from goal to goal on random maps in real time, the other cores saturated.
 
-    Parameters
-    ----------
-    model, problem
-        Every tick of the loop is one period of the problem: at 100 Hz a robot with dt = 0.1 s lives
-        ten times as fast.
-    rate, seconds : float
-        Of the loop [Hz], [s].
-    seed : int
-        Of maps and goals.
-    load : bool
-        Whether the other cores are kept busy.
-    budget : float, optional
-        `Controller`'s time_budget [s]: steps then make as many passes as it allows, not one.
-    progress : callable
-        Called about once a second with seconds done and in all.
+    `model`, `problem`: every tick of the loop is one period of the problem: at 100 Hz a robot with
+    dt = 0.1 s lives ten times as fast. `rate`, `seconds`: of the loop [Hz], [s]. `seed`: of maps
+    and goals. `load`: whether the other cores are kept busy. `budget`: `Controller`'s time_budget
+    [s]: steps then make as many passes as it allows, not one. `progress`: called about once a
+    second with seconds done and in all.
     """
     cores = sorted(os.sched_getaffinity(0))
     random = np.random.default_rng(seed)

@@ -97,16 +97,8 @@ def measure(
 ) -> list[Measurement]:
     """Let every contender plan from every state; they take turns drive by drive, in changing order.
 
-    Parameters
-    ----------
-    field_of : sequence of Contender
-        Those that take part.
-    model, problem
-        For all of them.
-    drives : sequence of RecordedDrive
-        Recorded states.
-    progress : callable
-        Called as drives finish.
+    `field_of`: those that take part. `model`, `problem`: for all of them. `drives`: recorded
+    states. `progress`: called as drives finish.
     """
     results, controllers = [], []
     count = max((len(d.circles) for d in drives), default=0)

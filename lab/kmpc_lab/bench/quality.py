@@ -65,10 +65,7 @@ def compare(
 ) -> list[Comparison]:
     """Plan from every state with both, each time from a robot that stands there.
 
-    Raises
-    ------
-    KmpcError
-        If CasADi is missing.
+    Raises KmpcError if CasADi is missing.
     """
     from kmpc_lab.peers.ipopt import IpoptController
 

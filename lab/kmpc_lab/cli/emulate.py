@@ -175,10 +175,7 @@ def emulate(
     With `pose`, motion capture sends there, with the noise of `seed`; a `lidar` is served at its
     URL.
 
-    Raises
-    ------
-    ConfigError, LinkError
-        Where the link cannot be served.
+    Raises ConfigError, LinkError where the link cannot be served.
     """
     if url != TOPICS and LinkUrl.parse(url).kind == "serial":
         raise ConfigError(f"link {url}: an emulator serves pty:, tcp: or udp:; give --link")

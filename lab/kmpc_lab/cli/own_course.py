@@ -51,19 +51,9 @@ def course_for(learned: Learned, data: kl.Dataset, scenario: Scenario) -> OwnCou
     period, a wide turning circle or wide margins. The time limit follows from the ideal time: the
     straight line at full speed, and the turns at both ends.
 
-    Parameters
-    ----------
-    learned : Learned
-        Model, and what its log shows.
-    data : Dataset
-        The log.
-    scenario : Scenario
-        Map of circles for a robot of 0.15 m and 0.6 m/s.
-
-    Raises
-    ------
-    ProblemError
-        For a log that never turns, or never drives forward.
+    `learned`: model, and what its log shows. `data`: the log. `scenario`: map of circles for a
+    robot of 0.15 m and 0.6 m/s. Raises ProblemError for a log that never turns, or never drives
+    forward.
     """
     driven = learned.made["driven"]
     fastest, turn = driven["forward"], driven["turn"]

@@ -59,10 +59,7 @@ def _names() -> str:
 def read_scenario(options: argparse.Namespace) -> Scenario:
     """Read the scenario, put the command line's values into it, and check it as a file would be.
 
-    Raises
-    ------
-    ScenarioError
-        Names the option, or file, section and key.
+    Raises ScenarioError: names the option, or file, section and key.
     """
     from kmpc_lite.scenario.files import Scenario
 

@@ -171,10 +171,7 @@ def _limited(
 ) -> kl.NavigationProblem:
     """Let a problem's robot drive as fast as that, ahead and back [m/s], or as its log shows.
 
-    Raises
-    ------
-    ProblemError
-        For a speed that the log of the model does not show.
+    Raises ProblemError for a speed that the log of the model does not show.
     """
     if max_speed is None and driven is None:
         return base

@@ -34,17 +34,9 @@ class BoardEmulator:
     Nothing runs by itself: each question, and each look at the robot, first brings the robot and
     the watchdog up to the clock.
 
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the robot.
-    slip, turn_gain, seed
-        Of the floor: see `kmpc_lab.sim.plants`.
-    clock : callable
-        Monotonic time [s].
-    baud : int or None
-        What the board's port is set to; a pseudo-terminal at another speed carries garbage both
-        ways.
+    `geometry`: of the robot. `slip`, `turn_gain`, `seed`: of the floor: see `kmpc_lab.sim.plants`.
+    `clock`: monotonic time [s]. `baud`: what the board's port is set to; a pseudo-terminal at
+    another speed carries garbage both ways.
     """
 
     boot_text = b""

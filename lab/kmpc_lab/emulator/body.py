@@ -38,16 +38,8 @@ class Floor(Protocol):
 class Body:
     """Wheels and a pose.
 
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the robot.
-    slip, turn_gain, seed
-        Of the floor: see `kmpc_lab.sim.plants`.
-    lag : float
-        Time constant of the driven motors [s].
-    now : float
-        Time of the clock at the start [s].
+    `geometry`: of the robot. `slip`, `turn_gain`, `seed`: of the floor: see `kmpc_lab.sim.plants`.
+    `lag`: time constant of the driven motors [s]. `now`: time of the clock at the start [s].
     """
 
     def __init__(

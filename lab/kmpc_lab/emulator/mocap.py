@@ -41,14 +41,7 @@ class MocapOptions:
 class Mocap:
     """Looks at a robot whenever a picture is due.
 
-    Parameters
-    ----------
-    options : MocapOptions
-        See there.
-    seed : int
-        Of noise and drop-outs.
-    now : float
-        Time of the first picture [s].
+    `options`: see there. `seed`: of noise and drop-outs. `now`: time of the first picture [s].
     """
 
     def __init__(self, options: MocapOptions, seed: int, now: float) -> None:
@@ -87,16 +80,8 @@ class MocapSender:
 
     A datagram is ``stamp x y theta``, as `firmware_bridge.sensors.pose` reads it.
 
-    Parameters
-    ----------
-    pose : callable
-        True x, y [m], theta [rad].
-    url : str
-        udp:HOST:PORT to send to.
-    seed : int
-        Of the noise.
-    options : MocapOptions
-        How good it is.
+    `pose`: True x, y [m], theta [rad]. `url`: udp:HOST:PORT to send to. `seed`: of the noise.
+    `options`: how good it is.
     """
 
     def __init__(

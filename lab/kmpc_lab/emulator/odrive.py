@@ -37,14 +37,8 @@ class Axis:
 class ODriveEmulator(BoardEmulator):
     """An ODrive with a robot under it.
 
-    Parameters
-    ----------
-    geometry, options
-        Of the robot, as for the driver.
-    firmware : str
-        "0.5" (errors in `axisN.error`) or "0.6" (`axisN.active_errors`).
-    **around
-        See `Scene`.
+    `geometry`, `options`: of the robot, as for the driver. `firmware`: "0.5" (errors in
+    `axisN.error`) or "0.6" (`axisN.active_errors`). `**around`: see `Scene`.
     """
 
     boot_text = b"ODrive booting\r\n* clocks ok *12\r\n"

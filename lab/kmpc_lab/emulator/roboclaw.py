@@ -48,14 +48,8 @@ WRITES = {
 class RoboClawEmulator(BoardEmulator):
     """A RoboClaw with a robot under it.
 
-    Parameters
-    ----------
-    geometry, options
-        Of the robot, as for the driver; of the options, address and counts per turn count here.
-    status_bytes : int
-        2 for old firmware, 4 for new.
-    **around
-        See `Scene`.
+    `geometry`, `options`: of the robot, as for the driver; of the options, address and counts per
+    turn count here. `status_bytes`: 2 for old firmware, 4 for new. `**around`: see `Scene`.
     """
 
     boot_text = b"\x00\xff\x80USB Roboclaw 2x15a v4.2.8\n\x00"

@@ -22,19 +22,9 @@ LARGEST_CORRECTION = (0.3, 2.0)
 class TwinBody(Body):
     """A `Body` whose motors turn the twin's wheels: both of a skid-steered side follow a channel.
 
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the robot file; of it the channels' order, signs and gears count here.
-    twin : Twin
-        The robot.
-    now : float
-        Time of the clock at the start [s].
-
-    Raises
-    ------
-    ConfigError
-        For a board that drives other wheels.
+    `geometry`: of the robot file; of it the channels' order, signs and gears count here. `twin`:
+    the robot. `now`: time of the clock at the start [s]. Raises ConfigError for a board that drives
+    other wheels.
     """
 
     def __init__(self, geometry: Geometry, twin: Twin, now: float) -> None:

@@ -34,18 +34,9 @@ LAYOUT = "h h i i i i h i h i i i i i i B i B".split()
 class VescEmulator(BoardEmulator):
     """VESCs with a robot on top.
 
-    Parameters
-    ----------
-    geometry, options
-        Of the robot, as for the driver.
-    local_id : int
-        Controller id of the first.
-    selective : bool
-        Whether the firmware knows GET_VALUES_SELECTIVE.
-    timeout : float
-        Without a command for so long, a motor is let go [s].
-    **around
-        See `Scene`.
+    `geometry`, `options`: of the robot, as for the driver. `local_id`: controller id of the first.
+    `selective`: whether the firmware knows GET_VALUES_SELECTIVE. `timeout`: without a command for
+    so long, a motor is let go [s]. `**around`: see `Scene`.
     """
 
     boot_text = b"\x02\x03VESC\r\n"

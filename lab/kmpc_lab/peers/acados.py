@@ -26,21 +26,10 @@ FAR_AWAY = (1e3, 1e3, 0.0, 0.0, 0.0)
 class AcadosController:
     """One SQP_RTI step of acados per period, obstacles soft with the same penalties as ours.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        Its prediction becomes the discrete dynamics.
-    problem : NavigationProblem, optional
-        The paper's if not given.
-    obstacles : int
-        How many circles the generated solver has room for; fewer are filled up with ones far away.
-
-    Raises
-    ------
-    KmpcError
-        If acados cannot be used; says why.
-    ProblemError
-        For a problem that limits the change of commands.
+    `model`: its prediction becomes the discrete dynamics. `problem`: the paper's if not given.
+    `obstacles`: how many circles the generated solver has room for; fewer are filled up with ones
+    far away. Raises KmpcError if acados cannot be used; says why. Raises ProblemError for a problem
+    that limits the change of commands.
     """
 
     def __init__(

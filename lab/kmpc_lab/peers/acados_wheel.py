@@ -45,10 +45,7 @@ def why_not(folder: Path | None = None) -> str:
 def install(folder: Path | None = None) -> Path:
     """Put the wheel into a folder, without the CasADi that comes with it.
 
-    Raises
-    ------
-    KmpcError
-        If pip fails, as for a wheel of another hash; with pip's last line.
+    Raises KmpcError if pip fails, as for a wheel of another hash; with pip's last line.
     """
     target = folder or default_folder()
     target.parent.mkdir(parents=True, exist_ok=True)

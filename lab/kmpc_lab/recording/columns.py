@@ -26,10 +26,7 @@ MOST_STAGES, MOST_POINTS, MOST_BEAMS = 1000, 10_000, 100_000
 class Columns:
     """What came of each kind, in its order; times are nanoseconds until requested.
 
-    Parameters
-    ----------
-    statuses, progresses : collection of str
-        Words that a step may have.
+    `statuses`, `progresses`: words that a step may have.
     """
 
     def __init__(self, statuses: frozenset[str], progresses: frozenset[str]) -> None:
@@ -65,10 +62,7 @@ class Columns:
     def take(self, found: Found) -> None:
         """Take in a message; unneeded ones are ignored.
 
-        Raises
-        ------
-        ValueError, KeyError, TypeError
-            For a message that is not as ours are.
+        Raises ValueError, KeyError, TypeError for a message that is not as ours are.
         """
         take = self._take.get(found.topic)
         if take is None:

@@ -74,10 +74,7 @@ def drive_of(file: BinaryIO, name: str) -> Run:
 def drive_file(path: Path) -> Path:
     """Find the drive that is meant: a file, or the one in a folder.
 
-    Raises
-    ------
-    ScenarioError
-        For a folder without a drive.
+    Raises ScenarioError for a folder without a drive.
     """
     if not path.is_dir():
         return path

@@ -44,10 +44,7 @@ CHUNK = 0.5
 class SimulationRecorder:
     """Watches the steps of a simulated drive: ``drive(..., watch=recorder)``.
 
-    Parameters
-    ----------
-    controller : Controller
-        That drives.
+    `controller`: that drives.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -95,10 +92,7 @@ class SimulationRecorder:
     def write(self, folder: str | os.PathLike[str], run: Run) -> Path:
         """Write the recorded drive into a folder, which is made; whole or not at all.
 
-        Raises
-        ------
-        ScenarioError
-            If it cannot be written.
+        Raises ScenarioError if it cannot be written.
         """
         path = Path(folder) / DRIVE
         try:

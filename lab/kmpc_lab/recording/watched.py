@@ -33,12 +33,7 @@ class WatchedController:
 
     It is what `kmpc_lab.drive` drives; a page asks it for `packet` from another thread.
 
-    Parameters
-    ----------
-    controller : Controller
-        Plans.
-    clock, sleep : callable
-        [s]; for tests.
+    `controller`: plans. `clock`, `sleep`: [s]; for tests.
     """
 
     def __init__(

@@ -37,10 +37,7 @@ ARROWS = 24
 def draw_log(log: Log, file: Path) -> None:
     """Write a picture of a log, .svg or .png.
 
-    Raises
-    ------
-    KmpcError
-        If it cannot be written.
+    Raises KmpcError if it cannot be written.
     """
     kind: Literal["svg", "png"] = "svg" if file.suffix.lower() == ".svg" else "png"
     write_picture(file, render(log_picture(log), kind))

@@ -24,14 +24,8 @@ def write(axes: Any, where: Array, text: str, **look: Any) -> None:
 class Labels:
     """Puts short texts beside things, where the least lies under them.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Written on.
-    view : ndarray
-        (2, 2) what they show [m].
-    points : ndarray
-        (n, 2) of lines to stay away from [m].
+    `axes`: written on. `view`: (2, 2) what they show [m]. `points`: (n, 2) of lines to stay away
+    from [m].
     """
 
     def __init__(self, axes: Any, view: Array, points: Array) -> None:

@@ -23,17 +23,9 @@ if TYPE_CHECKING:
 def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
     """Draw the trajectories of several runs on one map, as studies need it.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        On one map: same bounds, obstacles, goal and robot radius.
-    labels : sequence of str
-        One for each run; runs with the same label share colour, line and legend entry.
-
-    Raises
-    ------
-    KmpcError
-        For no runs, another number of labels, or runs of different maps.
+    `runs`: on one map: same bounds, obstacles, goal and robot radius. `labels`: one for each run;
+    runs with the same label share colour, line and legend entry. Raises KmpcError for no runs,
+    another number of labels, or runs of different maps.
     """
     check_one_map(runs, labels)
     scenario, names = runs[0].scenario, list(dict.fromkeys(labels))

@@ -68,10 +68,7 @@ _STYLE = {
 def style() -> Iterator[None]:
     """Draw in the project's style inside the block.
 
-    Raises
-    ------
-    KmpcError
-        If matplotlib is not installed.
+    Raises KmpcError if matplotlib is not installed.
     """
     try:
         import matplotlib
@@ -125,10 +122,7 @@ def render(figure: Figure, kind: Literal["svg", "png"], dpi: int = 150) -> bytes
 def write_picture(path: Path, content: bytes) -> None:
     """Write a file, whole or not at all.
 
-    Raises
-    ------
-    KmpcError
-        If it cannot be written.
+    Raises KmpcError if it cannot be written.
     """
     try:
         with write_whole(path) as file:

@@ -98,11 +98,8 @@ def _obstacles(count: int) -> str:
 def substeps(run: Run) -> int:
     """Sub-samples per period in `Run.path`.
 
-    Raises
-    ------
-    KmpcError
-        For a run without a single step, whose arrays do not fit together, or that ran away to
-        infinity.
+    Raises KmpcError for a run without a single step, whose arrays do not fit together, or that ran
+    away to infinity.
     """
     steps = len(run.inputs)
     if steps == 0 or (len(run.path) - 1) % steps or len(run.path) <= steps:

@@ -69,10 +69,7 @@ class Details:
     def between(self, begin: float, end: float) -> Details:
         """Give the steps from one time to another [s].
 
-        Raises
-        ------
-        ScenarioError
-            If there are none.
+        Raises ScenarioError if there are none.
         """
         chosen = np.flatnonzero((self.times >= begin - 1e-6) & (self.times <= end + 1e-6))
         if not len(chosen):

@@ -46,12 +46,7 @@ def box_edges(x1: float, y1: float, x2: float, y2: float) -> Array:
 class Lidar:
     """The scanner on a scenario's robot.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        What there is to see, and the seed of the noise.
-    spec : LidarSpec
-        How it is seen.
+    `scenario`: what there is to see, and the seed of the noise. `spec`: how it is seen.
     """
 
     def __init__(self, scenario: Scenario, spec: LidarSpec) -> None:

@@ -15,21 +15,10 @@ from kmpc_lite.types import Array
 class Walks:
     """How people walk.
 
-    Parameters
-    ----------
-    count : int
-        People.
-    turning : bool
-        Whether they walk arcs, each for a few seconds, instead of straight to one place after the
-        other.
-    slowest, fastest : float
-        Their speeds are uniform between these [m/s].
-    radius : float
-        Of each [m].
-    side : float
-        They walk within a square about the origin of this side [m].
-    start_distance : float
-        Least distance from the robot, edge to edge, at which they begin [m].
+    `count`: people. `turning`: whether they walk arcs, each for a few seconds, instead of straight
+    to one place after the other. `slowest`, `fastest`: their speeds are uniform between these
+    [m/s]. `radius`: of each [m]. `side`: they walk within a square about the origin of this side
+    [m]. `start_distance`: least distance from the robot, edge to edge, at which they begin [m].
     """
 
     count: int
@@ -51,14 +40,8 @@ class Walks:
 class Pedestrians:
     """People on their way; they never stop.
 
-    Parameters
-    ----------
-    walks : Walks
-        How they walk.
-    seed : int
-        Of all that is drawn.
-    away_from : ndarray
-        Where the robot is when they begin (2,).
+    `walks`: how they walk. `seed`: of all that is drawn. `away_from`: where the robot is when they
+    begin (2,).
     """
 
     def __init__(self, walks: Walks, seed: int, away_from: Array) -> None:

@@ -28,17 +28,10 @@ def periods(
 ) -> Iterator[Period]:
     """Drive period by period, until whoever looks on has seen enough.
 
-    Parameters
-    ----------
-    step : callable
-        Plans from the true pose (3,) in a period, by its number; what is measured of the pose, and
-        seen of the obstacles, is its own affair.
-    move : callable
-        Gives the poses (S, 3) to which a command (2,) leads from a pose (3,).
-    start : ndarray
-        Where the robot stands (3,).
-    most : int
-        Periods after which the drive ends.
+    `step`: plans from the true pose (3,) in a period, by its number; what is measured of the pose,
+    and seen of the obstacles, is its own affair. `move`: gives the poses (S, 3) to which a command
+    (2,) leads from a pose (3,). `start`: where the robot stands (3,). `most`: periods after which
+    the drive ends.
 
     Examples
     --------

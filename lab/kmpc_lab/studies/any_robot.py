@@ -96,12 +96,7 @@ class Robot:
 def random_robot(seed: int, shapes: bool = True) -> Robot:
     """Draw a robot: from a desk's toy to a farm's machine.
 
-    Parameters
-    ----------
-    seed : int
-        Of the draw.
-    shapes : bool
-        Whether one in three is no circle; all else is drawn alike.
+    `seed`: of the draw. `shapes`: whether one in three is no circle; all else is drawn alike.
     """
     random = np.random.default_rng([seed, 11])
     radius = float(np.exp(random.uniform(np.log(0.04), np.log(1.0))))
@@ -188,12 +183,7 @@ class RobotPlant:
     shares no code with either and holds speeds between two looks, so that what is wrong with them
     shows.
 
-    Parameters
-    ----------
-    robot : Robot
-        What it is like.
-    seed : int
-        Of its slip.
+    `robot`: what it is like. `seed`: of its slip.
     """
 
     def __init__(self, robot: Robot, seed: int) -> None:

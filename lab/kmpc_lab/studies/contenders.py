@@ -76,23 +76,10 @@ class Contender:
     ) -> Any:
         """Make the controller for a problem.
 
-        Parameters
-        ----------
-        model : KoopmanModel
-            Predicts the robot.
-        problem : NavigationProblem
-            What is asked of the controller.
-        obstacles : int
-            Most obstacles that it will meet; only acados must know.
-        pose_age : float
-            Age of the poses it will get [s]; only ours makes use of it.
-        options : ControllerOptions, optional
-            What ours is tuned with.
-
-        Returns
-        -------
-        Any
-            What has `step` and `reset` as `Controller` has them.
+        `model`: predicts the robot. `problem`: what is asked of the controller. `obstacles`: most
+        obstacles that it will meet; only acados must know. `pose_age`: age of the poses it will get
+        [s]; only ours makes use of it. `options`: what ours is tuned with. Returns what has `step`
+        and `reset` as `Controller` has them.
         """
         if self.form == "ipopt" or self.form == "fatrop":
             from kmpc_lab.peers.ipopt import IpoptController

@@ -128,12 +128,7 @@ def closed_loop(
 ) -> DriveResult:
     """Drive until the robot has held its goal, has touched something, or is out of time.
 
-    Parameters
-    ----------
-    step, move : callable
-        As `periods` has them.
-    task : Task
-        What is driven.
+    `step`, `move`: as `periods` has them. `task`: what is driven.
     """
     dt, full = task.dt, task.full
     inside, count, clearance, poses = 0.0, 0, math.inf, [task.start]
@@ -195,18 +190,9 @@ def drive_past(
 ) -> DriveResult:
     """Drive a controller of ours from a start to a goal (3,), (3,).
 
-    Parameters
-    ----------
-    around : sequence
-        What stands there.
-    times : tuple of float
-        Least and longest time [s].
-    obstacles : callable, optional
-        What the controller is given at a true pose (3,), if not all that stands there.
-    spread : ndarray, optional
-        Standard deviations of a measured pose, (3,) [m, m, rad].
-    seed : int
-        Of what is measured.
+    `around`: what stands there. `times`: least and longest time [s]. `obstacles`: what the
+    controller is given at a true pose (3,), if not all that stands there. `spread`: standard
+    deviations of a measured pose, (3,) [m, m, rad]. `seed`: of what is measured.
     """
     problem, (start, goal) = controller.problem, ends
     sigma = np.zeros(3) if spread is None else spread

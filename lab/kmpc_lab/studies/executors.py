@@ -30,23 +30,10 @@ class WorkerLost(KmpcError):
 def executor(workers: int | None = None, cluster: str | None = None) -> Iterator[Executor]:
     """Start what runs a study.
 
-    Parameters
-    ----------
-    workers : int, optional
-        Processes on this machine; as many as it has cores if not given.
-    cluster : str, optional
-        Address of a Dask scheduler (``tcp://host:8786``), which then does the work instead.
-
-    Yields
-    ------
-    Executor
-        An interrupt, or any error, ends its work at once.
-
-    Raises
-    ------
-    KmpcError
-        If Dask is not installed, no scheduler answers, it has no workers, or these have
-        another version of this package.
+    `workers`: processes on this machine; as many as it has cores if not given. `cluster`: address
+    of a Dask scheduler (``tcp://host:8786``), which then does the work instead. Yields an
+    interrupt, or any error, ends its work at once. Raises KmpcError if Dask is not installed, no
+    scheduler answers, it has no workers, or these have another version of this package.
     """
     if cluster is not None:
         with _cluster(cluster) as remote:

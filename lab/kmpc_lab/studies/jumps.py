@@ -43,14 +43,8 @@ COLUMNS = (
 class Jumps:
     """When the pose is wrong, and by how much.
 
-    Parameters
-    ----------
-    kind : str
-        ``one sample``, ``a second``, ``heading`` or ``for good``.
-    size : float
-        [m], of a heading [rad].
-    seed : int
-        Of times and directions.
+    `kind`: ``one sample``, ``a second``, ``heading`` or ``for good``. `size`: [m], of a heading
+    [rad]. `seed`: of times and directions.
     """
 
     def __init__(self, kind: str, size: float, seed: int) -> None:

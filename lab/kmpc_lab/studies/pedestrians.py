@@ -76,16 +76,8 @@ def ends(seed: int, side: float) -> tuple[Array, Array]:
 class Crowd:
     """Pedestrians, and an account of whom the robot touches, and how.
 
-    Parameters
-    ----------
-    walks : Walks
-        How they walk.
-    seed : int
-        Of the walks.
-    place : ndarray
-        Of the robot (2,), at the start.
-    radius : float
-        Of the robot [m].
+    `walks`: how they walk. `seed`: of the walks. `place`: of the robot (2,), at the start.
+    `radius`: of the robot [m].
     """
 
     def __init__(self, walks: Walks, seed: int, place: Array, radius: float) -> None:

@@ -91,16 +91,8 @@ COLUMNS = (
 class RealPlant:
     """Moves as a model of a log says, and errs as the log did.
 
-    Parameters
-    ----------
-    model : KoopmanModel
-        With noise sources.
-    log : Dataset
-        Where its errors come from.
-    seed : int
-        Of the windows that are drawn.
-    motor_lag : float
-        Time constant between commands and the log's inputs [s].
+    `model`: with noise sources. `log`: where its errors come from. `seed`: of the windows that are
+    drawn. `motor_lag`: time constant between commands and the log's inputs [s].
     """
 
     def __init__(self, model: KoopmanModel, log: Dataset, seed: int, motor_lag: float) -> None:
@@ -177,12 +169,7 @@ class RealRobot:
 def real_robot(log: Path, radius: float, speed: float, turn_rate: float) -> RealRobot:
     """Give a real robot from its log, which is driven at 10 Hz within these bounds.
 
-    Parameters
-    ----------
-    log : Path
-        Whatever `Dataset.load` reads.
-    radius, speed, turn_rate : float
-        [m], [m/s], [rad/s].
+    `log`: whatever `Dataset.load` reads. `radius`, `speed`, `turn_rate`: [m], [m/s], [rad/s].
     """
     return RealRobot(Robot(log.stem, radius, speed, turn_rate), log)
 

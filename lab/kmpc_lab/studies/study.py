@@ -45,10 +45,7 @@ class Axis:
     def choose(self, option: str, words: Sequence[str] | None) -> tuple[Value, ...]:
         """Values that are asked for by beginnings or parts of their names, or by their numbers.
 
-        Raises
-        ------
-        ScenarioError
-            For a word that stands for no value.
+        Raises ScenarioError for a word that stands for no value.
         """
         if words is None:
             return self.usual or self.values
@@ -161,12 +158,8 @@ class Work:
     def rows(self, study: Study, wanted: Sequence[Asked]) -> list[DriveResult]:
         """Drive what the records do not hold yet; a row for each that is wanted, in this order.
 
-        Raises
-        ------
-        DataError
-            For a records file that is not this study's.
-        OSError
-            If records cannot be written; before anything is driven.
+        Raises DataError for a records file that is not this study's. Raises OSError if records
+        cannot be written; before anything is driven.
         """
         from kmpc_lab.studies.executors import gather
 
@@ -193,12 +186,8 @@ def read_records(path: str | Path, study: str) -> dict[Asked, DriveResult]:
     A last line that was cut off, as by a process that was killed while it wrote, is removed from
     the file.
 
-    Raises
-    ------
-    DataError
-        For a line that is no record of this study.
-    OSError
-        If the file cannot be written.
+    Raises DataError for a line that is no record of this study. Raises OSError if the file cannot
+    be written.
     """
     from kmpc_lab.studies.drive import DriveResult
 
@@ -228,17 +217,8 @@ def read_records(path: str | Path, study: str) -> dict[Asked, DriveResult]:
 def check_resume(path: str | Path | None, resume: bool) -> None:
     """Refuse to add to an earlier run's records by mistake.
 
-    Parameters
-    ----------
-    path : Path or str, optional
-        The records file that is asked for.
-    resume : bool
-        Whether to go on from what it holds.
-
-    Raises
-    ------
-    DataError
-        To go on without a file, or to start anew with a file that holds records.
+    `path`: the records file that is asked for. `resume`: whether to go on from what it holds.
+    Raises DataError: to go on without a file, or to start anew with a file that holds records.
     """
     if path is None:
         if resume:

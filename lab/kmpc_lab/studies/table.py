@@ -104,12 +104,8 @@ def beside(rows: Rows, axis: int, value: str) -> Column:
 def table(rows: Rows, columns: Sequence[Column], course: str) -> str:
     """Table with a line for each of the `axes`, then every drive that touched or did not arrive.
 
-    Parameters
-    ----------
-    rows, columns : sequence
-        Drives, and what is told of those of a line.
-    course : str
-        What a seed draws: ``map``.
+    `rows`, `columns`: drives, and what is told of those of a line. `course`: what a seed draws:
+    ``map``.
     """
     lines = {axes: [row for row in rows if row.axes == axes] for axes in (r.axes for r in rows)}
     if len(lines) > 1:

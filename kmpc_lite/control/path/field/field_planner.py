@@ -60,12 +60,8 @@ GAVE_UP = "the search for a path gave up: the goal's place can be reached, perha
 class FieldPlanner:
     """Looks for paths by what the wheels let the robot do, part by part.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, margin, and how fast it turns to either side or an omni drives sideways.
-    wheels : Differential, Car or Omni
-        In the problem's units.
+    `problem`: radius, margin, and how fast it turns to either side or an omni drives sideways.
+    `wheels`: in the problem's units.
     """
 
     def __init__(self, problem: NavigationProblem, wheels: Wheels) -> None:

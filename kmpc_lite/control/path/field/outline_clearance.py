@@ -23,12 +23,7 @@ class OutlineClearance:
     Start and goal may lie nearer to something than the margin allows: so near them the robot may
     come, no nearer.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Outline, obstacles and area.
-    margin : float
-        What the problem keeps beyond the radii [m].
+    `request`: outline, obstacles and area. `margin`: what the problem keeps beyond the radii [m].
     """
 
     def __init__(self, request: PathRequest, margin: float) -> None:

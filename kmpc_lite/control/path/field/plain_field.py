@@ -22,12 +22,7 @@ BORDER = 12.0
 class PlainField:
     """Distances to the start on a grid, part by part.
 
-    Parameters
-    ----------
-    request : PathRequest
-        Start, goal, obstacles and area.
-    radius : float
-        Of the robot's circles [m].
+    `request`: start, goal, obstacles and area. `radius`: of the robot's circles [m].
     """
 
     def __init__(self, request: PathRequest, radius: float) -> None:

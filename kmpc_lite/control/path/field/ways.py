@@ -48,18 +48,9 @@ class Line(NamedTuple):
 class Ways:
     """Finds ways between poses.
 
-    Parameters
-    ----------
-    motions : Motions
-        Of the wheels.
-    clearance : OutlineClearance
-        Of the robot.
-    radius : float
-        Of its circles [m].
-    gear_price : float
-        What a change of gear costs [s].
-    now : tuple of float
-        Gear in which the robot drives, 0 if it stands, and curvature of its wheels [1/m].
+    `motions`: of the wheels. `clearance`: of the robot. `radius`: of its circles [m]. `gear_price`:
+    what a change of gear costs [s]. `now`: gear in which the robot drives, 0 if it stands, and
+    curvature of its wheels [1/m].
     """
 
     def __init__(

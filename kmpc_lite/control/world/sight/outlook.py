@@ -49,10 +49,7 @@ def _sector(layout: Layout, ignore: tuple[Sector, ...]) -> Sector | None:
 class Outlooks:
     """Where all scanners of a robot look.
 
-    Parameters
-    ----------
-    rows : ndarray
-        (S, 4) of each scanner, as of `outlook_of`.
+    `rows`: (S, 4) of each scanner, as of `outlook_of`.
     """
 
     def __init__(self, rows: Array) -> None:

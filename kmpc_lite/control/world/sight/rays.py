@@ -20,14 +20,8 @@ EQUAL = 1e-9
 class Rays:
     """A scan in the world: where its hits lie, and what its beams passed through.
 
-    Parameters
-    ----------
-    scan : LaserScan
-        Seen from the robot.
-    poses : ndarray
-        Where the robot was when it was taken: (3,), or (B, 3) where beams are of different ages.
-    cell : float
-        Side of the cells that are looked at.
+    `scan`: seen from the robot. `poses`: where the robot was when it was taken: (3,), or (B, 3)
+    where beams are of different ages. `cell`: side of the cells that are looked at.
     """
 
     def __init__(self, scan: LaserScan, poses: Array, cell: float) -> None:

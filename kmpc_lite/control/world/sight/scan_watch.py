@@ -53,14 +53,8 @@ class ScanWatchState:
 class ScanWatch:
     """Leaves out scans that come again, and says when the robot is blind.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, in the robot's units.
-    options : SightOptions
-        How far and how long.
-    period : float
-        Between two steps [s].
+    `problem`: radius, in the robot's units. `options`: how far and how long. `period`: between two
+    steps [s].
     """
 
     def __init__(self, problem: NavigationProblem, options: SightOptions, period: float) -> None:
@@ -72,21 +66,10 @@ class ScanWatch:
     ) -> tuple[tuple[LaserScan, ...], str]:
         """Take in the scans of a step.
 
-        Parameters
-        ----------
-        state : ScanWatchState
-            Updated.
-        scans : sequence of LaserScan
-            Without hits of the robot itself, which it carries along. None is a step without a scan.
-        pose : ndarray
-            (3,) of the robot, in its units.
-
-        Returns
-        -------
-        scans : tuple of LaserScan
-            Without those that came before, from elsewhere.
-        reason : str
-            Why the robot must not drive on; empty if it sees, or never had a scan.
+        `state`: updated. `scans`: without hits of the robot itself, which it carries along. None is
+        a step without a scan. `pose`: (3,) of the robot, in its units. Returns `scans`: without
+        those that came before, from elsewhere; `reason`: why the robot must not drive on; empty if
+        it sees, or never had a scan.
         """
         if not scans and not state.last:
             return (), ""

@@ -37,16 +37,8 @@ TRAIL = 64
 class Sight:
     """Keeps a local map up to date; what it remembers is the map alone.
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Radius, area and period, in the robot's units.
-    scale : Scale
-        The robot's units.
-    options : SightOptions
-        How long what is believed.
-    reach : float
-        How far from the robot what was seen matters to a plan.
+    `problem`: radius, area and period, in the robot's units. `scale`: the robot's units. `options`:
+    how long what is believed. `reach`: how far from the robot what was seen matters to a plan.
     """
 
     def __init__(
@@ -81,18 +73,9 @@ class Sight:
     ) -> LocalMap | None:
         """Bring the map up to date.
 
-        Parameters
-        ----------
-        before : LocalMap or None
-            Changed.
-        scans : sequence of LaserScan
-            Taken at the pose. None at all is a step without a scan.
-        pose : ndarray
-            (3,) as measured.
-        pose_noise : float
-            Standard deviation of its position.
-        moving : ndarray
-            (M, 7) things that move: what is hit of them is no part of the map.
+        `before`: changed. `scans`: taken at the pose. None at all is a step without a scan. `pose`:
+        (3,) as measured. `pose_noise`: standard deviation of its position. `moving`: (M, 7) things
+        that move: what is hit of them is no part of the map.
         """
         begins = before is None
         if before is None:

@@ -28,14 +28,7 @@ WORLD = OccupancyGrid([[0]], 1.0)
 class View:
     """The local map as the rooms of a step ask for it.
 
-    Parameters
-    ----------
-    sight : Sight
-        How far it looks.
-    here : LocalMap
-        What was seen.
-    pose : ndarray
-        (3,) of the robot.
+    `sight`: how far it looks. `here`: what was seen. `pose`: (3,) of the robot.
     """
 
     def __init__(self, sight: Sight, here: LocalMap, pose: Array) -> None:
@@ -68,14 +61,8 @@ class View:
     def leads_into_dark(self, points: Array, place: Array, distance: float) -> Array:
         """At which of points (n, 2) a robot comes nearer to what is unknown than it is, (n,).
 
-        Parameters
-        ----------
-        points : ndarray
-            Near the robot.
-        place : ndarray
-            (2,) where it is.
-        distance : float
-            What it needs around it: there may be darkness farther away.
+        `points`: near the robot. `place`: (2,) where it is. `distance`: what it needs around it:
+        there may be darkness farther away.
         """
         if self.unknown is None:
             return np.zeros(len(points), dtype=bool)

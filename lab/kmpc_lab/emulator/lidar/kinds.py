@@ -18,19 +18,8 @@ if TYPE_CHECKING:
 class Eyes:
     """What the emulated robot of a robot file sees through its lidar.
 
-    Parameters
-    ----------
-    options : LidarOptions or None
-        The robot file's.
-    scenario : Scenario or None
-        Whose obstacles are seen.
-    seed : int
-        Of noise and drop-outs.
-
-    Raises
-    ------
-    ConfigError
-        If one of them is missing.
+    `options`: the robot file's. `scenario`: whose obstacles are seen. `seed`: of noise and
+    drop-outs. Raises ConfigError if one of them is missing.
     """
 
     def __init__(self, options: LidarOptions | None, scenario: Scenario | None, seed: int) -> None:

@@ -72,20 +72,9 @@ class LidarEmulator:
 
     A kind of lidar makes bytes of beams (`_bytes`), and may answer (`_answer`).
 
-    Parameters
-    ----------
-    world : World
-        What it sees.
-    pose : callable
-        True x, y [m], theta [rad] of the robot.
-    model : LidarModel
-        How good it is.
-    seed : int
-        Of noise and faults.
-    clock : callable
-        Monotonic time [s].
-    baud : int or None
-        Speed of its line; a pseudo-terminal at another speed carries garbage.
+    `world`: what it sees. `pose`: True x, y [m], theta [rad] of the robot. `model`: how good it is.
+    `seed`: of noise and faults. `clock`: monotonic time [s]. `baud`: speed of its line; a
+    pseudo-terminal at another speed carries garbage.
     """
 
     def __init__(

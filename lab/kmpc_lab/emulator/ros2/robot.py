@@ -60,16 +60,8 @@ class EmulatedRobot:
 class Ros2Emulator:
     """Publishes odometry, scan and map, and obeys cmd_vel, on the scenario's wheels.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Start, floor and obstacles.
-    robot : EmulatedRobot, optional
-        What it has.
-    seed : int
-        Of the slip.
-    arguments : sequence of str
-        Of ROS: ``-r __ns:=/robot``.
+    `scenario`: start, floor and obstacles. `robot`: what it has. `seed`: of the slip. `arguments`:
+    of ROS: ``-r __ns:=/robot``.
     """
 
     def __init__(

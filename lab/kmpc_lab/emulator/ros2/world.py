@@ -34,10 +34,7 @@ class CellMap(NamedTuple):
 class World:
     """A scenario's obstacles.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        Its circles and solids stand where they are at the beginning.
+    `scenario`: its circles and solids stand where they are at the beginning.
     """
 
     def __init__(self, scenario: Scenario) -> None:

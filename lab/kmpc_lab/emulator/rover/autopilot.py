@@ -37,16 +37,8 @@ log = logging.getLogger(__name__)
 class Autopilot:
     """State of the emulated autopilot.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        ArduPilot's parameters.
-    physics : RoverPhysics
-        The rover.
-    estimator : Estimator
-        Its pose estimate.
-    arm_after : float
-        Arming is refused before this [s after boot].
+    `parameters`: ArduPilot's parameters. `physics`: the rover. `estimator`: its pose estimate.
+    `arm_after`: arming is refused before this [s after boot].
     """
 
     def __init__(

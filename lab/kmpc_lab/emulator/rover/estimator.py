@@ -28,16 +28,9 @@ ORIGIN = (47.3769, 8.5417, 408.0)
 class Estimator:
     """Pose estimate, ENU, and its flags.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Say where the pose comes from.
-    settled : float
-        When after boot the EKF has its position and, with GPS, its origin [s].
-    noise : float
-        With GPS: standard deviation of a slow error of the position, each axis [m].
-    seed : int
-        Of that error.
+    `parameters`: say where the pose comes from. `settled`: when after boot the EKF has its position
+    and, with GPS, its origin [s]. `noise`: with GPS: standard deviation of a slow error of the
+    position, each axis [m]. `seed`: of that error.
     """
 
     def __init__(

@@ -55,11 +55,8 @@ MOTION_CAPTURE = {
 class Parameters:
     """Named numbers, in a fixed order.
 
-    Parameters
-    ----------
-    changed : mapping
-        Values other than delivered; ValueError for a name that is not there or a value out of
-        range.
+    `changed`: values other than delivered; ValueError for a name that is not there or a value out
+    of range.
     """
 
     def __init__(self, changed: Mapping[str, float] | None = None) -> None:

@@ -55,10 +55,7 @@ class DriveLimits:
 class RoverPhysics:
     """Pose and velocity of the rover, ENU.
 
-    Parameters
-    ----------
-    slip, turn_gain, seed
-        Of `kmpc_lab.sim.plants.robots.DifferentialDrive`.
+    `slip`, `turn_gain`, `seed`: of `kmpc_lab.sim.plants.robots.DifferentialDrive`.
     """
 
     def __init__(self, slip: float = 0.0, turn_gain: float = 1.0, seed: int = 0) -> None:

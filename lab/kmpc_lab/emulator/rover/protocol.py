@@ -30,18 +30,8 @@ FTP_NAK, FTP_UNKNOWN_COMMAND, FTP_HEADER = 129, 7, 12
 class Protocol:
     """Answers messages.
 
-    Parameters
-    ----------
-    autopilot : Autopilot
-        Obeys.
-    telemetry : Telemetry
-        Tells.
-    send : callable
-        Takes a message to put on the wire.
-    system : int
-        The vehicle's id.
-    set_up_signing : callable
-        Takes a signing key and a time stamp [10 us].
+    `autopilot`: obeys. `telemetry`: tells. `send`: takes a message to put on the wire. `system`:
+    the vehicle's id. `set_up_signing`: takes a signing key and a time stamp [10 us].
     """
 
     def __init__(

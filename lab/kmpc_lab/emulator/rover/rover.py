@@ -36,34 +36,15 @@ class RoverEmulator:
     Messages are taken and sent in the main loop of 50 Hz, as the real one does: hence its round
     trip of about 10 ms.
 
-    Parameters
-    ----------
-    slip, turn_gain, seed
-        Of `kmpc_lab.sim.plants.robots.DifferentialDrive`.
-    pose : tuple
-        Where it starts: x, y [m], theta [rad], ENU.
-    clock : callable
-        Monotonic time [s].
-    parameters : mapping
-        ArduPilot parameters other than delivered.
-    arm_after : float
-        Arming is refused this long after boot [s]; the real one takes 25 to 45 s.
-    uptime : float
-        How long ago it booted [s].
-    system : int
-        Its MAVLink id.
-    key : bytes or None
-        Signing key, 32 bytes.
-    signature_ahead : float
-        How far its signature clock runs ahead of wall time [s]: the real one adds a minute to the
-        time that it has stored.
-    accept_unsigned : bool
-        With a key: whether what is unsigned, or wrongly signed, is obeyed all the same, as on the
-        real one's SERIAL0.
-    noise : float
-        Standard deviation of the slow error of its position, with GPS [m].
-    physics : RoverPhysics, optional
-        Another rover; slip, turn gain and seed are then its own.
+    `slip`, `turn_gain`, `seed`: of `kmpc_lab.sim.plants.robots.DifferentialDrive`. `pose`: where it
+    starts: x, y [m], theta [rad], ENU. `clock`: monotonic time [s]. `parameters`: ArduPilot
+    parameters other than delivered. `arm_after`: arming is refused this long after boot [s]; the
+    real one takes 25 to 45 s. `uptime`: how long ago it booted [s]. `system`: its MAVLink id.
+    `key`: signing key, 32 bytes. `signature_ahead`: how far its signature clock runs ahead of wall
+    time [s]: the real one adds a minute to the time that it has stored. `accept_unsigned`: with a
+    key: whether what is unsigned, or wrongly signed, is obeyed all the same, as on the real one's
+    SERIAL0. `noise`: standard deviation of the slow error of its position, with GPS [m]. `physics`:
+    another rover; slip, turn gain and seed are then its own.
 
     Examples
     --------

@@ -24,12 +24,8 @@ class SteeredRover(RoverPhysics):
     The firmware steers in proportion to the turn rate that is asked for, whatever the speed; above
     MOT_SPD_SCA_BASE in inverse proportion to the speed, so that the turn rate is what was asked.
 
-    Parameters
-    ----------
-    turning_radius : float
-        Of its tightest circle [m]; SITL's rover has 0.9.
-    slip, turn_gain, seed
-        Of `kmpc_lab.sim.plants.robots.DifferentialDrive`.
+    `turning_radius`: of its tightest circle [m]; SITL's rover has 0.9. `slip`, `turn_gain`, `seed`:
+    of `kmpc_lab.sim.plants.robots.DifferentialDrive`.
     """
 
     def __init__(

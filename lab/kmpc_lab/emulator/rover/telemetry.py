@@ -39,10 +39,7 @@ SHARE = 0.8
 class Telemetry:
     """Builds messages and knows which are due.
 
-    Parameters
-    ----------
-    autopilot : Autopilot
-        What to tell of.
+    `autopilot`: what to tell of.
     """
 
     def __init__(self, autopilot: Autopilot) -> None:

@@ -21,17 +21,8 @@ if TYPE_CHECKING:
 def beside_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
     """Draw paths and commanded speeds of several runs, with duration and least clearance of each.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        On one map.
-    labels : sequence of str
-        One for each run.
-
-    Raises
-    ------
-    KmpcError
-        For no runs, another number of labels, or runs of different maps.
+    `runs`: on one map. `labels`: one for each run. Raises KmpcError for no runs, another number of
+    labels, or runs of different maps.
     """
     check_one_map(runs, labels)
     scenario = runs[0].scenario

@@ -30,12 +30,8 @@ def commands_picture(
 ) -> Figure:
     """Draw the commands over time, with their limits, and when a step was not simply solved.
 
-    Parameters
-    ----------
-    run : Run
-        What was driven.
-    u_min, u_max : array_like, optional
-        Limits (2,) [m/s, rad/s]; `limits` says where they come from if not given.
+    `run`: what was driven. `u_min`, `u_max`: limits (2,) [m/s, rad/s]; `limits` says where they
+    come from if not given.
     """
     substeps(run)
     low, high = limits(run, u_min, u_max)
@@ -72,10 +68,7 @@ def limits(run: Run, u_min: ArrayLike | None, u_max: ArrayLike | None) -> tuple[
 
     Those given come first, else what the run keeps as ``info["u_min"]`` and ``info["u_max"]``.
 
-    Raises
-    ------
-    KmpcError
-        For limits that are not two numbers.
+    Raises KmpcError for limits that are not two numbers.
     """
     found: list[Any] = []
     for name, given in (("u_min", u_min), ("u_max", u_max)):

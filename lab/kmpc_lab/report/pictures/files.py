@@ -39,10 +39,7 @@ def run_pictures(
 def write_beside(folder: Path, runs: Sequence[Run], files: Sequence[Path]) -> Path:
     """Write a picture of several drives, labelled by their files' names, into a folder.
 
-    Raises
-    ------
-    KmpcError
-        For drives of different maps, or where it cannot be written.
+    Raises KmpcError for drives of different maps, or where it cannot be written.
     """
     picture, path = beside_picture(runs, [file.stem for file in files]), folder / "beside.png"
     try:

@@ -59,20 +59,10 @@ def has_passage(
     to spare, so that the lines between the centres keep the clearance too. Never true without a
     passage; one that is a cell wider than needed is found.
 
-    Parameters
-    ----------
-    circles : ndarray
-        (M, 3) or more columns: x, y, radius [m]; velocities are not looked at.
-    start, goal : ndarray
-        Points (2,), or poses [m].
-    clearance : float
-        Between the point and the circles' edges [m].
-    bounds : ndarray
-        xmin, ymin, xmax, ymax (4,) [m].
-    cell : float
-        Distance between neighbours on the grid [m].
-    solids : sequence of Polygon, Wall or OccupancyGrid
-        What else is there.
+    `circles`: (M, 3) or more columns: x, y, radius [m]; velocities are not looked at. `start`,
+    `goal`: points (2,), or poses [m]. `clearance`: between the point and the circles' edges [m].
+    `bounds`: xmin, ymin, xmax, ymax (4,) [m]. `cell`: distance between neighbours on the grid [m].
+    `solids`: what else is there.
     """
     x = np.linspace(bounds[0], bounds[2], 1 + int(np.ceil((bounds[2] - bounds[0]) / cell)))
     y = np.linspace(bounds[1], bounds[3], 1 + int(np.ceil((bounds[3] - bounds[1]) / cell)))
@@ -114,19 +104,9 @@ def _take_away(
 def random_map(family: str, seed: int, slip: float = 0.0) -> Scenario:
     """Draw a map of a family; the same seed gives the same map, and the plant's noise too.
 
-    Parameters
-    ----------
-    family : str
-        One of `FAMILIES`.
-    seed : int
-        Below 500,000 for tuning; reported figures use 500,000 and above.
-    slip : float
-        Of the plant.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown family, or if no draw has a passage.
+    `family`: one of `FAMILIES`. `seed`: below 500,000 for tuning; reported figures use 500,000 and
+    above. `slip`: of the plant. Raises ScenarioError for an unknown family, or if no draw has a
+    passage.
     """
     if family not in FAMILIES:
         raise ScenarioError(

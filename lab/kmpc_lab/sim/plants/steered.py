@@ -23,20 +23,10 @@ class SteeredDrive:
     ``omega = v kappa / (1 + K v^2)``; the curvature kappa follows ``omega / v`` of the command as
     fast as the servo turns.
 
-    Parameters
-    ----------
-    car : Car
-        Turning radius and steering rate.
-    slip : float
-        Mean of the exponential slip ratios of speed, sideways and of turns, drawn every period.
-    understeer : float
-        K [s^2/m^2].
-    offset : float
-        Curvature in which it drives when it is commanded to drive straight [1/m].
-    backward_gain : float
-        Share of a commanded speed that happens backwards.
-    seed : int
-        Of the slip.
+    `car`: turning radius and steering rate. `slip`: mean of the exponential slip ratios of speed,
+    sideways and of turns, drawn every period. `understeer`: k [s^2/m^2]. `offset`: curvature in
+    which it drives when it is commanded to drive straight [1/m]. `backward_gain`: share of a
+    commanded speed that happens backwards. `seed`: of the slip.
 
     Examples
     --------
@@ -86,13 +76,8 @@ class SteeredDrive:
 class MecanumDrive:
     """An omni whose rollers slip, sideways the most.
 
-    Parameters
-    ----------
-    slip : float
-        Mean of the exponential slip ratios, drawn every period: of what is commanded ahead and
-        round; twice that sideways.
-    seed : int
-        Of the slip.
+    `slip`: mean of the exponential slip ratios, drawn every period: of what is commanded ahead and
+    round; twice that sideways. `seed`: of the slip.
 
     Examples
     --------

@@ -72,18 +72,9 @@ def write_mjcf(
 ) -> str:
     """Give the model of a robot in a room.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The robot.
-    circles : sequence of Circle
-        Obstacles, as cylinders; they stand still.
-    bounds : tuple
-        xmin, ymin, xmax, ymax of what the cameras see [m].
-    goal : tuple, optional
-        Where to draw a disk [m].
-    patches : sequence of tuple
-        x, y, radius of pieces of another floor, to be drawn [m].
+    `vehicle`: the robot. `circles`: obstacles, as cylinders; they stand still. `bounds`: xmin,
+    ymin, xmax, ymax of what the cameras see [m]. `goal`: where to draw a disk [m]. `patches`: x, y,
+    radius of pieces of another floor, to be drawn [m].
     """
     x_min, y_min, x_max, y_max = bounds
     size = max(x_max - x_min, y_max - y_min) + 0.6

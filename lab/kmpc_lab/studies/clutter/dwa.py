@@ -37,16 +37,9 @@ REACTS = 0.15
 class Dwa:
     """Drives by a dynamic window.
 
-    Parameters
-    ----------
-    bounds : tuple of float
-        xmin, ymin, xmax, ymax of its area [m].
-    size : tuple of float
-        Length and width of the robot [m].
-    fastest, ramps : tuple of float
-        Speed and turn rate [m/s, rad/s], and how fast they change [m/s^2, rad/s^2].
-    dt : float
-        Period [s].
+    `bounds`: xmin, ymin, xmax, ymax of its area [m]. `size`: length and width of the robot [m].
+    `fastest`, `ramps`: speed and turn rate [m/s, rad/s], and how fast they change [m/s^2, rad/s^2].
+    `dt`: period [s].
     """
 
     def __init__(

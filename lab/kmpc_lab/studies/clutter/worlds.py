@@ -140,18 +140,9 @@ def of_places(name: str, places: Array, length: float = 0.0) -> Cylinders | None
 def read_barn(folder: Path, number: int) -> Cylinders:
     """Read ``world_N.world`` of the public set, and ``path_N.npy`` where it is there.
 
-    Parameters
-    ----------
-    folder : Path
-        Holds the worlds, or the folder ``world_files`` of them; paths beside them or in
-        ``path_files``.
-    number : int
-        Of the world.
-
-    Raises
-    ------
-    DataError
-        Names the file, what was expected and what came.
+    `folder`: holds the worlds, or the folder ``world_files`` of them; paths beside them or in
+    ``path_files``. `number`: of the world. Raises DataError: names the file, what was expected and
+    what came.
     """
     file = _found(folder, "world_files", f"world_{number}.world")
     if file is None:

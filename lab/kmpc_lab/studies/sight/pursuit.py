@@ -17,12 +17,7 @@ STEPS = ((1, 0), (0, 1), (1, 1), (1, -1))
 class Pursuit:
     """Drives towards a point ahead on the shortest path through what is not known to be occupied.
 
-    Parameters
-    ----------
-    radius, speed, turn_rate : float
-        Of the robot [m, m/s, rad/s].
-    side : float
-        Of its area [m].
+    `radius`, `speed`, `turn_rate`: of the robot [m, m/s, rad/s]. `side`: of its area [m].
     """
 
     def __init__(self, radius: float, speed: float, turn_rate: float, side: float) -> None:

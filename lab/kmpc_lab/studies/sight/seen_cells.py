@@ -15,12 +15,7 @@ from kmpc_lite.types import Array
 class SeenCells:
     """Cells of a square area, each seen or never.
 
-    Parameters
-    ----------
-    side : float
-        Of the area [m].
-    radius : float
-        Of the robot [m].
+    `side`: of the area [m]. `radius`: of the robot [m].
     """
 
     def __init__(self, side: float, radius: float) -> None:
