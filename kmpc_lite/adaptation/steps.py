@@ -40,10 +40,8 @@ class Steps:
     `model`: the learned one. `noise`: (3, 3, 3) covariance of its residuals by the command, as
     `NoiseModel` has it. `scale`: the robot's units.
 
-    Attributes
-    ----------
-    white : ndarray
-        (2,) the variance of a whitened position and heading, as a share of a single step's.
+    Attributes: `white`: (2,) the variance of a whitened position and heading, as a share of a
+    single step's.
     """
 
     def __init__(self, model: KoopmanModel, noise: Array, scale: Scale) -> None:

@@ -22,16 +22,9 @@ class RateLimit:
 
     `problem`: `du_max`, `deceleration`, and the period.
 
-    Attributes
-    ----------
-    active : bool
-        Whether anything is limited.
-    faster, slower : ndarray
-        By how much commands may change in a period, away from zero and towards it.
-    ramp_step : ndarray
-        By how much a braked command may shrink in a period [m/s, rad/s].
-    longest_ramp : int
-        Most periods of a ramp.
+    Attributes: `active`: whether anything is limited. `faster`, `slower`: by how much commands may
+    change in a period, away from zero and towards it. `ramp_step`: by how much a braked command may
+    shrink in a period [m/s, rad/s]. `longest_ramp`: most periods of a ramp.
     """
 
     def __init__(self, problem: NavigationProblem) -> None:

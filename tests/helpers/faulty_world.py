@@ -192,7 +192,7 @@ class World:
         assert now - self.taken <= LATEST, "moving set-point to a rover that said it is not ours"
         braking = abs(v) < abs(v_before) or abs(omega) < abs(omega_before)
         for name, stamp in self.good.items():
-            age = now - stamp
+            age = now - stamp - ROUNDING
             if not braking:
                 assert age <= LATEST, f"{name} lost {age:.3f} s ago and not braked"
             # the ramp of the fastest command, and a tick

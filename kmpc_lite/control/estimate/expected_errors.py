@@ -55,10 +55,8 @@ class ExpectedErrors:
 
     `model`: its noise model and its period. `problem`: the robot's radius and speeds.
 
-    Attributes
-    ----------
-    tolerated : ndarray
-        (2, 9) covariance that every model may be wrong by, to be multiplied by v^2 and omega^2.
+    Attributes: `tolerated`: (2, 9) covariance that every model may be wrong by, to be multiplied by
+    v^2 and omega^2.
     """
 
     def __init__(self, model: MotionModel, problem: NavigationProblem) -> None:

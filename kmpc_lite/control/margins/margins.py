@@ -52,18 +52,10 @@ class Margins:
     knows its floor from a few seconds, so that single commands are made safe for rarer errors.
     Raises ProblemError for a damaged table of quantiles in the model.
 
-    Attributes
-    ----------
-    noise : ModelNoise
-        Noise and quantiles.
-    expected_errors : ExpectedErrors
-        Tells whether the robot does otherwise than its model says.
-    side_margin, far_clearance : float
-        From the sides of the area, and beyond which obstacles are far [m].
-    pose_deviation : float
-        Standard deviation of a measured position, at full speed [m].
-    calm : FeltNoise
-        As long as innovations are what the model expects.
+    Attributes: `noise`: noise and quantiles. `expected_errors`: tells whether the robot does
+    otherwise than its model says. `side_margin`, `far_clearance`: from the sides of the area, and
+    beyond which obstacles are far [m]. `pose_deviation`: standard deviation of a measured position,
+    at full speed [m]. `calm`: as long as innovations are what the model expects.
     """
 
     def __init__(

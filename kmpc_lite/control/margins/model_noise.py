@@ -86,20 +86,11 @@ class ModelNoise:
     and knows its floor from a few seconds. Raises ProblemError for a damaged table of quantiles in
     the model.
 
-    Attributes
-    ----------
-    tube : TubeNoise
-        What measured poses add, and what the floor does.
-    delay : int
-        Periods until the feedback acts.
-    lasts : bool
-        Whether the model knows errors that last longer than a plan.
-    quantile, step_quantile : float
-        How many standard deviations the margins of plans, and those of single commands, are.
-    pose_errors : tuple
-        By how much two measured poses may err together, in position [m] and heading [rad].
-    expected_errors : ExpectedErrors
-        Judges past periods by this noise.
+    Attributes: `tube`: what measured poses add, and what the floor does. `delay`: periods until the
+    feedback acts. `lasts`: whether the model knows errors that last longer than a plan. `quantile`,
+    `step_quantile`: how many standard deviations the margins of plans, and those of single
+    commands, are. `pose_errors`: by how much two measured poses may err together, in position [m]
+    and heading [rad]. `expected_errors`: judges past periods by this noise.
     """
 
     def __init__(

@@ -38,16 +38,9 @@ class QPCost:
 
     `problem`: weights.
 
-    Attributes
-    ----------
-    P : csc_matrix
-        Its upper triangle.
-    q : ndarray
-        Linear part.
-    terminal_share : float
-        Part of the terminal weight that counts.
-    pull, pull_terminal : ndarray
-        (3, 3) by which references enter `q`, at the stages before the last one and at the last.
+    Attributes: `P`: its upper triangle. `q`: linear part. `terminal_share`: part of the terminal
+    weight that counts. `pull`, `pull_terminal`: (3, 3) by which references enter `q`, at the stages
+    before the last one and at the last.
     """
 
     def __init__(self, problem: NavigationProblem) -> None:
@@ -92,19 +85,11 @@ class NavigationQP:
     `problem`: weights, bounds, horizon. `history`: past commands that the model depends on, L.
     `slots`: half-plane rows per stage.
 
-    Attributes
-    ----------
-    numbers : Numbers
-        What a pass writes.
-    change_scale : ndarray
-        Factors (2,) of the rows that limit changes.
-    next_stage : ndarray
-        (m,) the row that each row is a period later.
-    pull_last : ndarray
-        (m, m) by which the command that was sent last enters `q`, at the first stage.
-    lost, fastest : float
-        How far from where the last plan led the robot may be for that to be a start [m], and the
-        largest number that a command may hold.
+    Attributes: `numbers`: what a pass writes. `change_scale`: factors (2,) of the rows that limit
+    changes. `next_stage`: (m,) the row that each row is a period later. `pull_last`: (m, m) by
+    which the command that was sent last enters `q`, at the first stage. `lost`, `fastest`: how far
+    from where the last plan led the robot may be for that to be a start [m], and the largest number
+    that a command may hold.
     """
 
     def __init__(self, problem: NavigationProblem, history: int, slots: int) -> None:

@@ -177,7 +177,10 @@ class GridPlanner:
         while open_strings and open_strings[0][0] * narrow < self._price:
             yield 1
             time, number, found, share, look = heappop(open_strings)
+            around.quanta = 0
             path = found.freed()
+            if around.quanta:
+                yield around.quanta  # what is over already counts all the same
             if path is not None:
                 self._takes(replace(path, time=time))
             else:

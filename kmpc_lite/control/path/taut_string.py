@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.path.distance_grid import CUT, SAMPLE, DistanceGrid
+from kmpc_lite.control.path.distance_grid import CUT, PORTION, SAMPLE, DistanceGrid
 from kmpc_lite.control.path.planner import ROUNDING, PathRequest
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
@@ -101,6 +101,10 @@ class Surroundings:
         # start and goal stay outside of all discs
         most = float(request.distances(self._ends).min()) - BACK_OFF
         self.least = max(min(kept, most), 0.0)
+        solids = request.solids
+        self._edges = len(request.circles) + (solids.outlines.edge_count if solids else 0)
+        self.quanta = 0
+        """Of the last look along a line, beside the one that any takes."""
 
     def contact(self, point: Array, corners: Array) -> Contact:
         """Disc about what is nearest to a point (2,), on its side of a line with corners (K, 2)."""
@@ -137,7 +141,10 @@ class Surroundings:
         close = np.flatnonzero(self._grid.distances(dense) < self.least + SAMPLE + self._grid.step)
         if not len(close):
             return dense[:0], close
-        distance = self._request.distances(dense[close])
+        portions = 1 + len(close) * self._edges // PORTION
+        self.quanta = 4 * (portions - 1)
+        parts = map(self._request.distances, np.array_split(dense[close], portions))
+        distance = np.concatenate(list(parts))
         inside = distance < self.least - CUT
         ends = np.flatnonzero((np.diff(close) > 1) | np.diff(inside)) + 1
         stretches = np.split(np.arange(len(close)), ends)

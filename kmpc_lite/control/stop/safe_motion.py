@@ -80,10 +80,7 @@ class SafeMotions:
     `problem`: period, outline, and how fast commands may change. `options`: what is tried, and what
     may be spent.
 
-    Attributes
-    ----------
-    further : int
-        How many further commands of a plan are tried before the brake.
+    Attributes: `further`: how many further commands of a plan are tried before the brake.
     """
 
     def __init__(self, problem: NavigationProblem, options: StopOptions) -> None:

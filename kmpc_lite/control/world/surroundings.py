@@ -41,10 +41,8 @@ class Surroundings:
     something may come out of what is not known [m/s]. `unknown`: what scans have not shown to be
     free, where something may come out of it.
 
-    Attributes
-    ----------
-    turning : ndarray
-        (W, 7) what may turn: spreads from where it is, as fast as it can be walking.
+    Attributes: `turning`: (W, 7) what may turn: spreads from where it is, as fast as it can be
+    walking.
     """
 
     def __init__(
