@@ -1,5 +1,1 @@
-"""kmpc bench: every solver on the same states, model and problem, in one run."""
-
-from kmpc_lab.bench.measure import Measurement, format_measurements, measure
-
-__all__ = ["Measurement", "format_measurements", "measure"]
+"""kmpc bench: every contender steps from the same states, in turns, as a robot's caches find it."""

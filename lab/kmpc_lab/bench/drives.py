@@ -14,6 +14,10 @@ from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
+TUNING_SEED, REPORTING_SEED = 7_000, 700_000
+"""First seeds of the recorded drives: for finding settings, and for what is reported."""
+STEPS, OBSTACLES = 60, 4
+"""States of a recorded drive, and circles that it leads past."""
 SLIP = 0.05
 HALF = 1.8
 """Starts and goals lie so far from the middle, at the most, along both axes [m]."""
@@ -64,18 +68,17 @@ def record(
     model: KoopmanModel,
     problem: NavigationProblem,
     drives: int,
-    steps: int,
-    obstacles: int,
     seed: int,
+    steps: int = STEPS,
     driver: Contender = PAPER_FORM,
 ) -> list[RecordedDrive]:
     """Drive random maps with one of our controllers, for states that all plan from."""
     recorded = []
     for i in range(drives):
         random = np.random.default_rng(seed + i)
-        circles = random_circles(random, obstacles)
+        circles = random_circles(random, OBSTACLES)
         x, goal = free_pose(random, circles), free_pose(random, circles)
-        controller = driver.make(model, problem, obstacles)
+        controller = driver.make(model, problem, OBSTACLES)
         plant = DifferentialDrive(SLIP, seed=seed + i)
         states = [x]
         for _ in range(steps - 1):

@@ -14,7 +14,7 @@ import numpy as np
 
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 from kmpc_lab.bench.drives import SLIP, free_pose, random_circles
-from kmpc_lab.bench.measure import HEAD, format_times
+from kmpc_lab.bench.steps import HEAD, format_times
 from kmpc_lab.sim.plants.robots import DifferentialDrive
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem

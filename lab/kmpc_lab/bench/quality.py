@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
-from kmpc_lab.bench.measure import violation
 from kmpc_lab.peers.paper import short_way
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.kernels import clearance as things
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.model.koopman import KoopmanModel
@@ -89,6 +89,18 @@ def compare(
             rows.append(_judge(i, k, x, drive, ours, peer, problem))
         progress(i + 1, len(drives))
     return rows
+
+
+def violation(states: Array, circles: Array, problem: NavigationProblem) -> float:
+    """How deep a plan (N + 1, 3) enters an obstacle or leaves the area after its start [m]."""
+    _, _, x_min, x_max = problem.bounds
+    positions = states[1:, :2]
+    deepest = max(0.0, float((x_min[:2] - positions).max()), float((positions - x_max[:2]).max()))
+    if len(circles):
+        times = problem.dt * np.arange(1, len(states))
+        gaps = things.distances(things.things_of(circles), positions, times)
+        deepest = max(deepest, problem.robot_radius + problem.margin - float(gaps.min()))
+    return deepest
 
 
 def _judge(

@@ -20,10 +20,10 @@ from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scenario.files import Scenario
 
-Form = Literal["full", "paper", "converged", "exported", "ipopt", "fatrop", "acados"]
+Form = Literal["full", "paper", "exported", "ipopt", "fatrop", "acados"]
 """Ours with everything on; ours in the paper's formulation (the goal as reference, no learned
-margins), with one pass a step or passes to convergence; ours with margins as `kmpc export` writes
-it, all in C; CasADi with IPOPT or fatrop; acados."""
+margins), one pass a step; ours with margins as `kmpc export` writes it, all in C; CasADi with IPOPT
+or fatrop; acados."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,6 @@ class Contender:
                 solver=self.solver,
                 options=options,
             )
-        passes: dict[str, Any] = (
-            {"sqp_iterations": 200, "tolerance": 1e-6} if self.form == "converged" else {}
-        )
         return Controller(
             model,
             problem,
@@ -112,7 +109,6 @@ class Contender:
             pose_age=pose_age,
             solver=self.solver,
             options=options,
-            **passes,
         )
 
 
@@ -129,26 +125,15 @@ TABLE_1_CONTENDERS = (
 STUDY_CONTENDERS = (*TABLE_1_CONTENDERS, UNADAPTED)
 """All that studies choose from."""
 PAPER_FORM = Contender("ours, RTI", "paper")
-BENCH_CONTENDERS = (
-    PAPER_FORM,
-    Contender("ours, converged", "converged"),
-    Contender("CasADi + IPOPT", "ipopt"),
-    Contender("CasADi + fatrop", "fatrop"),
-    Contender("acados RTI, in C", "acados", timed="solve"),
-    Contender("acados RTI, Python", "acados"),
-)
-"""Benchmarked on the paper's problem."""
 FULL_STEP = Contender("ours, full step")
-BENCH_FULL_CONTENDERS = (FULL_STEP, Contender("CasADi + IPOPT", "ipopt"))
-"""Benchmarked on the states of drives with everything on."""
 COLD_CONTENDERS = (
     Contender("CasADi + IPOPT", "ipopt"),
     Contender("CasADi + fatrop", "fatrop"),
     Contender("acados RTI, in C", "acados", timed="solve"),
     Contender("acados RTI, Python", "acados"),
-    Contender("ours, RTI", "paper"),
+    PAPER_FORM,
     Contender("ours, RTI, QP by DAQP", "paper", solver="daqp"),
-    Contender("ours, full step"),
+    FULL_STEP,
     Contender("ours, margins, exported", "exported"),
 )
 """Benchmarked one after the other step by step, as a robot's caches find them."""

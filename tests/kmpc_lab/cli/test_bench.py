@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from kmpc_lab.cli import bench
-from kmpc_lab.cli.bench.jobs import COMPARISON, JOBS, LOOP, Job
+from kmpc_lab.cli.bench import COMPARISON, JOBS, LOOP, Job
 from kmpc_lite.cli import main as cli
 
 LINES = {

@@ -6,8 +6,7 @@ The same minimum, and words for states if there is none to compare.
 import numpy as np
 import pytest
 
-from kmpc_lab.bench.drives import RecordedDrive, learned_model, record
-from kmpc_lab.bench.measure import TUNING_SEED
+from kmpc_lab.bench.drives import TUNING_SEED, RecordedDrive, learned_model, record
 from kmpc_lab.bench.quality import EQUAL, OBEYED, VERDICTS, compare, format_comparison
 from kmpc_lite.control.problem import NavigationProblem
 
@@ -16,7 +15,7 @@ pytest.importorskip("casadi", reason="the extra peers is not installed")
 
 def test_ours_converges_to_what_ipopt_finds() -> None:
     model, problem = learned_model(), NavigationProblem()
-    drives = record(model, problem, 2, 12, 4, TUNING_SEED + 50)
+    drives = record(model, problem, 2, TUNING_SEED + 50, 12)
     rows = compare(model, problem, drives)
     assert len(rows) == 24
     assert all(
