@@ -23,9 +23,7 @@ spec.loader.exec_module(budgets)
         (1001, 1001, 1000, "lines: the limit rose from 1,000 to 1,001"),
     ],
 )
-def test_a_limit_holds_and_only_goes_down(
-    count: int, limit: int, before: int, said: str | None
-) -> None:
+def test_a_limit_holds_and_only_goes_down(count: int, limit: int, before: int, said: str | None):
     found = budgets.complaints({"lines": count}, {"lines": limit}, {"lines": before})
     assert len(found) == (said is not None)
     assert said is None or found[0].startswith(said)

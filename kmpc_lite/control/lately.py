@@ -8,9 +8,7 @@ thirds of it. Counted, not timed: how rarely work is late hangs on how often it 
 
 
 def longest_lately(before: float, took: float) -> float:
-    """Longest of the recent times [s]: it grows at once and shrinks slowly.
-
-    `before`: what this function returned for the time before [s]. `took`: the newest time [s].
+    """Longest of the recent times [s], of what it was `before`: grows at once, shrinks slowly.
 
     Examples
     --------

@@ -97,11 +97,6 @@ class Now:
         self.pose = pose
         self.pose_is_known = self.pose_is_known and bool(np.isfinite(pose).all())
 
-    def correct(self, pose: Array) -> None:
-        """Take over where the robot is now; what was measured is off by as much."""
-        self.measured = self.measured + (pose - self.pose)
-        self.pose = pose
-
     def place(self, scene: Scene) -> None:
         """Bring the heading within one turn, and look up what is near."""
         self.turns = float(nearest_turn(float(self.pose[2])))

@@ -124,8 +124,8 @@ class Pipeline:
         if now.pose_is_known and now.state.innovation.believed is None:
             now.place(self.scene)
             self._watching.look(now)
-        else:
-            self._watching.wait(now.state)
+        elif now.state.seen is not None:
+            now.state.seen.clock += self._problem.dt  # what was seen is older by a period
         return self.fallback.stop(now, refusal)
 
     def guide(self, now: Now) -> None:
@@ -162,7 +162,7 @@ class Pipeline:
             curvature=history.curvature,
             rolls_on=now.rolls_on,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
-            deadline=now.clock.deadline(max(now.state.after_solve, LEAST_AFTER_SOLVE)),
+            deadline=now.clock.after(1.0) - max(now.state.after_solve, LEAST_AFTER_SOLVE),
         )
         now.clock.lap("guide")
         return task

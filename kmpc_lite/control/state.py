@@ -95,11 +95,4 @@ class ControllerState:
             from kmpc_lite.control.path.state import GuideState
 
             guide = GuideState()
-        return cls(
-            base_model=model,
-            model=model,
-            history=history,
-            scene=SceneState(),
-            guide=guide,
-            adaptation=adaptation,
-        )
+        return cls(model, model, history, SceneState(), guide, adaptation=adaptation)

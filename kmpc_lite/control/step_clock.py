@@ -36,13 +36,6 @@ class StepClock:
         """Time at which a share of the budget is used up [s]; infinite without one."""
         return math.inf if self._budget is None else self._start + share * self._budget
 
-    def deadline(self, left_over: float) -> float:
-        """Time by which a solve must end so that `left_over` [s] is left.
-
-        It is infinite without a budget.
-        """
-        return self.after(1.0) - left_over
-
     def timing(self) -> dict[str, float]:
         """Seconds by phase, and ``total``."""
         return {**self._phases, "total": self._clock() - self._start}

@@ -11,7 +11,6 @@ from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scale import Scale
 
@@ -69,7 +68,8 @@ class Watching:
         noise = known.margins.noise.of_pose(found) if self._weighs and pose is not None else None
         if noise is not None:
             found.estimate = estimate(last, state.history.driven, known.model, *noise, now.pose)
-            now.correct(found.estimate.pose)
+            now.measured = now.measured + (found.estimate.pose - now.pose)
+            now.pose = found.estimate.pose
         measured = now.measured if now.pose_is_known else None
         driven = abs(float(state.history.command[0])) * self._dt
         around = self._tracking.see(
@@ -88,11 +88,6 @@ class Watching:
         scans = self._sight.without_robot(now.scans)
         now.scans, blind = self._scans.see(state.scans, scans, now.measured)
         now.refusal = now.refusal or blind
-
-    def wait(self, state: ControllerState) -> None:
-        """Let a period pass without a look around: what was seen is older by it."""
-        if state.seen is not None:
-            state.seen.clock += self._dt
 
     def look(self, now: Now) -> None:
         """Look around: what scans show, and what they have shown before."""

@@ -7,6 +7,7 @@ does (`taut_string`).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,11 +16,11 @@ from scipy import ndimage
 
 from kmpc_lite.control.kernels import library
 from kmpc_lite.control.path.planner import ROUNDING, PathRequest
+from kmpc_lite.control.world.solids import Solids, same_solids
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.occupancy import OccupancyGrid
-    from kmpc_lite.control.world.outlines import Outlines
 
 BORDER = 0.6
 """How far a path may lead around the outermost obstacle, start or goal [m]."""
@@ -40,8 +41,9 @@ COARSE = 8
 FIELD_CELLS = 1_000_000
 """Most cells of a map for which the distance to the nearest obstacle is worked out. Cells of a
 larger or finer one are joined to blocks, which count as occupied where one of their cells is."""
-PORTION = 2**18
-"""Nodes times edges that are looked at at once: a matter of memory alone."""
+STRIP, QUANTUM = 16, 2**17
+"""Quanta of a part of what a grid sees; nodes, or points of a line, times edges and circles that
+are looked at in a quantum of a search, 0.2 ms."""
 FAR = 1e3
 """Distance from what is farther than this, or not there at all [m]."""
 
@@ -55,16 +57,18 @@ class Extent(NamedTuple):
     """Most nodes: larger maps get wider steps."""
     around: float
     """Obstacles farther than this from the middle between start and goal make it no larger [m]."""
+    border: float = BORDER
+    """How far it reaches around the outermost of these [m]."""
 
 
 class DistanceGrid:
-    """Distances of nodes from the circles and solids of a request.
+    """Distances of nodes from the circles and solids of a request, once `see` has come to its end.
 
     `request`: start, goal, obstacles and area. `extent`: of the nodes. `fields`: of the occupancy
     grids among the solids.
     """
 
-    def __init__(self, request: PathRequest, extent: Extent, fields: list[MapField]) -> None:
+    def __init__(self, request: PathRequest, extent: Extent, fields: Iterable[MapField]) -> None:
         self._request, solids = request, request.solids
         ends = np.stack([request.start[:2], request.goal[:2]])
         circles = request.circles
@@ -75,7 +79,7 @@ class DistanceGrid:
         self.is_whole = bool(near.all())
         """Whether all obstacles lie on it."""
         points = np.concatenate([ends, points[near]])
-        low, high = points.min(axis=0) - BORDER, points.max(axis=0) + BORDER
+        low, high = points.min(axis=0) - extent.border, points.max(axis=0) + extent.border
         # only start and goal may lie outside the area
         low, high = np.maximum(low, request.area[0]), np.minimum(high, request.area[1])
         self.low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
@@ -89,20 +93,30 @@ class DistanceGrid:
         distance = np.full(len(self.places), FAR)
         for field in fields:
             np.minimum(distance, field.distances(self.places), out=distance)
-        if solids is not None:
-            for outlines in solids.outlines.walls_and_polygons():
-                self._see_outlines(distance, outlines)
         self.distance = distance.reshape(self.shape)
-        for x, y, radius in circles[:, :3]:
-            away = np.hypot(self._axes[0][:, None] - x, self._axes[1] - y) - radius
-            np.minimum(self.distance, away, out=self.distance)
 
-    def _see_outlines(self, distance: Array, outlines: Outlines) -> None:
-        portion = max(PORTION // outlines.edge_count, 1)
-        for begin in range(0, len(distance), portion):
-            some = slice(begin, begin + portion)
-            near = outlines.distances(self.places[some])[0].min(axis=1)
-            np.minimum(distance[some], near, out=distance[some])
+    def see(self, width: int = 0, least: int = 0) -> Iterator[int]:
+        """See circles, polygons and walls, too, strip by strip: the quanta of each come before it.
+
+        `width`: in nodes; what `STRIP` quanta allow if not given. `least`: quanta of any strip.
+        """
+        request, columns = self._request, self.shape[1]
+        solids = request.solids
+        outlines = 0 if solids is None else solids.outlines.edge_count
+        quanta = self.distance.size * (outlines + len(request.circles)) / QUANTUM
+        width = width or math.ceil(columns * STRIP / max(quanta, STRIP))
+        for begin in range(0, columns, width):
+            if begin or least:
+                yield max(int(quanta * width / columns), least)
+            strip = slice(begin, begin + width)
+            distance, y = self.distance[:, strip], self._axes[1][strip]
+            for cx, cy, radius in request.circles[:, :3].tolist():
+                away = np.hypot(self._axes[0][:, None] - cx, y - cy) - radius
+                np.minimum(distance, away, out=distance)
+            if outlines and solids is not None:
+                places = self.places.reshape(*self.shape, 2)[:, strip].reshape(-1, 2)
+                near = solids.whole.least(places, maps=False).reshape(distance.shape)
+                np.minimum(distance, near, out=distance)
 
     def node(self, point: Array) -> int:
         """Number of the node nearest to a point (2,)."""
@@ -175,6 +189,23 @@ class DistanceGrid:
             distances = self.distances(begin + some * (last[look] - begin))
             free[look] = (distances >= least).all(axis=0)
         return free
+
+
+class MapFields:
+    """Distances from the maps among solids, kept while these are the same."""
+
+    def __init__(self) -> None:
+        self._solids: Solids | None = None
+        self._fields: list[MapField] = []
+
+    def of(self, solids: Solids | None, step: float) -> list[MapField]:
+        """Give them, for places that are so far apart at the least [m]."""
+        if solids is None:
+            return []
+        if not same_solids(solids, self._solids):
+            self._fields = [MapField(boxes.grid, step) for boxes in solids.boxes]
+            self._solids = solids
+        return self._fields
 
 
 class MapField:

@@ -11,13 +11,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
+from operator import attrgetter
 
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii, unit_length
 
 # here, for no step has time to import its image filters
-from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapField, Ways
+from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapFields, Ways
 from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.path.price import (
     extra_time,
@@ -32,7 +33,6 @@ from kmpc_lite.control.path.surroundings import all_clearances, led_out, way_out
 from kmpc_lite.control.path.taut_string import GeometricPath, Line, Surroundings, TautStrings
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.world.solids import Solids, same_solids
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
@@ -74,10 +74,7 @@ class GridPlanner:
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
         self._is_round, self._margin = problem.footprint is None, problem.margin
         self._plan_time = problem.horizon * problem.dt
-        self._solids: Solids | None = None
-        """Of the last search ..."""
-        self._fields: list[MapField] = []
-        """... and distances from the maps among them."""
+        self._maps = MapFields()
 
     def begin(self, request: PathRequest) -> None:
         """Begin a search."""
@@ -115,12 +112,9 @@ class GridPlanner:
         request, known = self._request, self._request.known
         step = STEP * self._unit
         yield 1
-        if request.solids is not None and not same_solids(request.solids, self._solids):
-            self._fields = [MapField(boxes.grid, step) for boxes in request.solids.boxes]
-            self._solids = request.solids
-        fields = [] if request.solids is None else self._fields
+        fields = self._maps.of(request.solids, step)
         within = [] if request.solids is None else [request.solids.landmarks]
-        within += [field.landmarks for field in fields]
+        within += map(attrgetter("landmarks"), fields)
         self._landmarks = np.concatenate([request.circles[:, :2], *within])
         clearances = all_clearances(request, self._turning, self._options)
         if known is not None and known.coarseness:
@@ -133,6 +127,7 @@ class GridPlanner:
             yield 3
             extent = Extent(step, NODES if known is None else SEEN_NODES, around)
             grid = DistanceGrid(request, extent, fields)
+            yield from grid.see()
             for clearance in clearances:
                 if self._is_cheapest(clearance):
                     break
@@ -204,12 +199,11 @@ class GridPlanner:
             if not grid.lines_free(*steps, around.least).all():
                 lines.clear()
         times = np.full(DIRECTIONS, math.inf)
-        inside = grid.holds(away)
-        nodes = [grid.node(place) if held else -1 for place, held in zip(away, inside, strict=True)]
-        clear = grid.lines_free(np.repeat(ends[0], DIRECTIONS, axis=0), away, around.least)
+        nodes, begin = list(map(grid.node, away)), np.repeat(ends[0], DIRECTIONS, axis=0)
+        clear = grid.holds(away) & grid.lines_free(begin, away, around.least)
         speed, turn_rate = request.forward.tolist()
         for i, node in enumerate(nodes):
-            if node >= 0 and clear[i]:
+            if clear[i]:
                 turn = abs(float(wrap(courses[i] - start[2])))
                 turn = min(turn, math.pi - turn) if request.backward[0] > 0.0 else turn
                 times[i] = ways.cost[node] / speed + turn / turn_rate

@@ -168,12 +168,10 @@ class PathRequest:
             centre, size = self.circles[which, :2], self.circles[which, 2]
             gap = apart - size
             away = off[rows, which] / np.maximum(apart, ROUNDING)[:, None]
-        if self.solids is not None and len(self.solids.whole):
+        if self.solids is not None:
             coarse = 0.0 if self.known is None else self.known.coarseness
-            distance, normals = self.solids.whole.measure(points / self.unit)
-            which = distance.argmin(axis=1)[:, None]
-            of_solids = np.take_along_axis(distance, which, 1)[:, 0] * self.unit
-            normal = np.take_along_axis(normals, which[..., None], 1)[:, 0]
+            distance, normal = self.solids.whole.nearest(points / self.unit)
+            of_solids = distance * self.unit
             nearer = of_solids + coarse < gap
             gap[nearer], away[nearer] = of_solids[nearer] + coarse, normal[nearer]
             centre[nearer] = (points - of_solids[:, None] * normal)[nearer]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.path.distance_grid import CUT, PORTION, SAMPLE, DistanceGrid
+from kmpc_lite.control.path.distance_grid import CUT, QUANTUM, SAMPLE, DistanceGrid
 from kmpc_lite.control.path.planner import ROUNDING, PathRequest
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
@@ -141,10 +141,8 @@ class Surroundings:
         close = np.flatnonzero(self._grid.distances(dense) < self.least + SAMPLE + self._grid.step)
         if not len(close):
             return dense[:0], close
-        portions = 1 + len(close) * self._edges // PORTION
-        self.quanta = 4 * (portions - 1)
-        parts = map(self._request.distances, np.array_split(dense[close], portions))
-        distance = np.concatenate(list(parts))
+        self.quanta = len(close) * self._edges // QUANTUM
+        distance = self._request.distances(dense[close])
         inside = distance < self.least - CUT
         ends = np.flatnonzero((np.diff(close) > 1) | np.diff(inside)) + 1
         stretches = np.split(np.arange(len(close)), ends)

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from kmpc_lite.control.kernels.boxes import AT
 from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
-AT = 1e-9
-"""Distance at which a direction cannot be told [m]."""
+MANY = 2**15
+"""Points times edges beyond which the outlines that may be nearest are looked up by cells."""
 
 
 def corners_of(solid: Polygon | Wall) -> Array:
@@ -88,11 +89,11 @@ class Outlines:
 
     def walls_and_polygons(self) -> list[Outlines]:
         """Give the same apart, where there are both: walls have one edge, and need not more."""
-        if not len(self):
-            return []
+        if self.is_line.all() or not self.is_line.any():
+            return [self] if len(self) else []
         walls, polygons = self.take(self.is_line), self.take(~self.is_line)
         walls = Outlines(walls.begins[:, :1], walls.steps[:, :1], walls.rounding, walls.is_line)
-        return [part for part in (walls, polygons) if len(part)]
+        return [walls, polygons]
 
     def distances(self, points: Array) -> tuple[Array, Array]:
         """Distances (n, P) of points (n, 2) [m], negative inside, and normals (n, P, 2)."""

@@ -36,9 +36,7 @@ def test_without_rclpy_it_says_what_to_install(command: str, capsys, monkeypatch
     assert "/opt/ros/" in error and "pip install 'kmpc-lite[ros2-test]'" in error
 
 
-def test_a_lidar_of_its_own_is_refused_where_topics_report_of_scans(
-    capsys, tmp_path, monkeypatch
-) -> None:
+def test_a_lidar_of_its_own_is_refused_where_topics_report_of_scans(capsys, tmp_path, monkeypatch):
     pytest.importorskip("rclpy", reason=NO_ROS)
     for name, value in HERE.items():
         monkeypatch.setenv(name, value)

@@ -29,9 +29,7 @@ def test_past_an_obstacle_by_scan_alone_with_odometry_that_drifts(tmp_path, monk
         arrived(drive, drive.report())
 
 
-def test_past_an_obstacle_of_a_map_by_simulated_time_and_stamped_commands(
-    tmp_path, monkeypatch
-) -> None:
+def test_past_an_obstacle_of_a_map_by_simulated_time_and_stamped_commands(tmp_path, monkeypatch):
     ros = "-p scans:='' -p use_sim_time:=true -p enable_stamped_cmd_vel:=true"
     record = tmp_path / "drive"
     with Drive(

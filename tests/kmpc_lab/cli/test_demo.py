@@ -54,9 +54,7 @@ def test_demo_with_a_log_of_ones_own(
 
 
 @pytest.mark.long
-def test_the_whole_demo_reaches_its_goal(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_whole_demo_reaches_its_goal(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert cli.main(["demo", "--output", str(tmp_path / "out"), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert (

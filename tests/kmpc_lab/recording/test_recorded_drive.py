@@ -18,9 +18,7 @@ from kmpc_lite.learn.formats.mcap import DRIVE
 from kmpc_lite.scenario.files import Scenario
 
 
-def test_a_recorded_drive_is_the_same_run(
-    recorded: tuple[Run, SimulationRecorder], tmp_path: Path
-) -> None:
+def test_a_recorded_drive_is_the_same_run(recorded: tuple[Run, SimulationRecorder], tmp_path: Path):
     run, recorder = recorded
     file = recorder.write(tmp_path / "new" / "folder", run)
     assert file == tmp_path / "new" / "folder" / DRIVE
@@ -91,9 +89,7 @@ def test_only_what_the_robot_obeyed_is_learned_from(scenario: Scenario, tmp_path
         (b"kmpc.drive", b"kmpc.drivX"),
     ],
 )
-def test_what_is_no_drive_is_refused(
-    content: bytes, old: bytes, new: bytes, tmp_path: Path
-) -> None:
+def test_what_is_no_drive_is_refused(content: bytes, old: bytes, new: bytes, tmp_path: Path):
     path, run = tmp_path / "drive.mcap", content.replace(old, new)
     path.write_bytes(without_checksums(run))  # so that what they hold is read
     assert run != content

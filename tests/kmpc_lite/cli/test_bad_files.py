@@ -90,9 +90,7 @@ SHOWS_LITTLE = ("constant speed", "never turns")
 
 
 @pytest.mark.parametrize("name", BAD_LOGS)
-def test_a_bad_log_is_refused(
-    name: str, log: Rows, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_log_is_refused(name: str, log: Rows, here: Path, capsys: pytest.CaptureFixture[str]):
     change, told = BAD_LOGS[name]
     (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
     # where a free fit cannot be had, the default leaves the nominal robot, and warns
@@ -131,9 +129,7 @@ def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(
     assert "the log never turns" in why
 
 
-def test_a_bad_scenario_and_a_bad_model_are_refused(
-    here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_scenario_and_a_bad_model_are_refused(here: Path, capsys: pytest.CaptureFixture[str]):
     drive = ["simulate", "-o", "run.npz", "--report", "run.html"]
     (here / "map.toml").write_text(GOOD_SCENARIO.replace("goal = [1.5, 1.5", "goal = [0.7, 0.7"))
     told = "[robot] goal: (0.7, 0.7) is 0.141421 m from the centre of circle 0"

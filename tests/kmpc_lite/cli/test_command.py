@@ -159,18 +159,14 @@ def test_an_extra_exists_only_where_code_uses_it(
         ("run --driver mavlik", "did you mean 'mavlink'?"),
     ],
 )
-def test_a_near_miss_is_suggested(
-    line: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_near_miss_is_suggested(line: str, words: str, capsys: pytest.CaptureFixture[str]):
     assert main(line.split()) == 2
     out, err = capsys.readouterr()
     assert words in err and err.count("\n") == 1 and out == ""
 
 
 @pytest.mark.parametrize("line", ["fly --json", "fit --json", "simulate nowhere --json"])
-def test_errors_are_reported_to_machines_as_json(
-    line: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_errors_are_reported_to_machines_as_json(line: str, capsys: pytest.CaptureFixture[str]):
     assert main(line.split()) == 2
     out, err = capsys.readouterr()
     assert set(json.loads(out)) == {"error"} and err == ""

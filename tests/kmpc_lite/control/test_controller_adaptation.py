@@ -195,9 +195,7 @@ def test_a_good_model_is_never_made_worse(
     assert adaptation.model is knowing[slip]
 
 
-def test_a_log_without_noise_does_not_make_margins_blind(
-    knowing: dict[float, kl.KoopmanModel],
-) -> None:
+def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl.KoopmanModel]):
     """Its calibrated quantile is next to nothing; of a floor that slips later it knows nothing."""
     assert knowing[0.0].info["noise_quantiles"]["quantiles"][-1] < 0.01
     controller = kl.Controller(knowing[0.0])
@@ -226,9 +224,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     assert single() > before + 0.1
 
 
-def test_a_robot_that_lags_takes_the_same_risk(
-    learned: kl.KoopmanModel, lagging: kl.KoopmanModel
-) -> None:
+def test_a_robot_that_lags_takes_the_same_risk(learned: kl.KoopmanModel, lagging: kl.KoopmanModel):
     def quantile(model: kl.KoopmanModel, **options: float) -> float:
         margins = kl.Controller(model, **options).known.margins  # type: ignore[arg-type]
         assert margins is not None

@@ -264,9 +264,7 @@ def test_extreme_problems_give_safe_plans(changes: dict[str, object]) -> None:
         ((-0.6, -0.8), (0.6, 0.0)),
     ],
 )
-def test_one_sided_bounds_give_safe_plans(
-    bounds: tuple[tuple[float, float], tuple[float, float]],
-) -> None:
+def test_one_sided_bounds_give_safe_plans(bounds: tuple[tuple[float, float], tuple[float, float]]):
     problem = kl.NavigationProblem(u_min=bounds[0], u_max=bounds[1])
     for options in ({}, {"guidance": False, "tightening": None}):
         controller, x = kl.Controller(MODEL, problem, **options), np.array([0.0, 0.0, 0.2])

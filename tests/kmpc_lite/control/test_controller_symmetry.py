@@ -86,9 +86,7 @@ def test_the_shorter_turn_is_taken(nominal: kl.KoopmanModel) -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 @settings(max_examples=3, deadline=None)
 @given(start=st.tuples(st.floats(-0.3, 0.1), st.floats(-0.3, 0.1), st.floats(-1.4, 1.4)))
-def test_a_mirrored_scene_gives_mirrored_commands(
-    variant: str, start: tuple[float, float, float]
-) -> None:
+def test_a_mirrored_scene_gives_mirrored_commands(variant: str, start: tuple[float, float, float]):
     problem = kl.NavigationProblem(Q=(1.0, 5.0, 0.1))
     nominal = kl.nominal_unicycle(DT)
     goal = (1.5, 1.2, 0.3)

@@ -51,9 +51,7 @@ def drive(controller: kl.Controller, moves: bool = True) -> tuple[float, Plan]:
 
 @pytest.mark.parametrize("limit", LIMITS)
 @pytest.mark.parametrize("to", [0.0, 1e-6, 1e-2])
-def test_a_limit_near_zero_is_refused_or_the_robot_moves_or_it_reports_why(
-    limit: str, to: float
-) -> None:
+def test_a_limit_near_zero_is_refused_or_the_robot_moves_or_it_reports_why(limit: str, to: float):
     model, fields = limited(limit, to)
     try:
         controller = kl.Controller(model, kl.NavigationProblem(**fields))

@@ -83,9 +83,7 @@ def test_no_command_is_farther_from_the_one_before_than_allowed(
 
 
 @pytest.mark.parametrize("problem", [STRONG, WEAK])
-def test_plans_keep_to_the_limits_in_all_stages_and_to_the_model(
-    problem: kl.NavigationProblem,
-) -> None:
+def test_plans_keep_to_the_limits_in_all_stages_and_to_the_model(problem: kl.NavigationProblem):
     controller, x, before, fastest = kl.Controller(MODEL, problem), np.zeros(3), np.zeros(2), 0.0
     for _ in range(40):
         plan = controller.step(x, (1.5, 0.7, 0.5), [kl.Circle(0.8, 0.2, 0.15)])

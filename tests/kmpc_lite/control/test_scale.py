@@ -91,9 +91,7 @@ def test_powers_of_two_give_the_same_drive_to_the_last_bit(
 
 
 @pytest.mark.parametrize("length, speed", [(0.1, 0.1), (30.0, 10.0), (1 / 0.3, 1 / 0.6)])
-def test_other_scales_give_the_same_drive(
-    learned: kl.KoopmanModel, length: float, speed: float
-) -> None:
+def test_other_scales_give_the_same_drive(learned: kl.KoopmanModel, length: float, speed: float):
     unit = drive(learned, Scale(), True)
     np.testing.assert_allclose(drive(learned, Scale(length, speed), True), unit, atol=1e-6)
 

@@ -96,9 +96,7 @@ def test_what_is_too_large_is_refused_where_it_is_made(make: Callable[[], Any], 
         lambda: np.hstack([on_a_circle(1500, 1.5), np.full((1500, 3), 0.05)]),
     ],
 )
-def test_the_largest_that_is_taken_is_borne(
-    make: Callable[[], Any], memory: Callable[[], float]
-) -> None:
+def test_the_largest_that_is_taken_is_borne(make: Callable[[], Any], memory: Callable[[], float]):
     obstacles, one = make(), controller(time_budget=0.005)
     x, began = np.zeros(3), time.process_time()
     for _ in range(6):

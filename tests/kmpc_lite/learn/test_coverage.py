@@ -24,9 +24,7 @@ def quadrants(v: float = 0.5, omega: float = 1.0, back: bool = True) -> list[np.
 
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 8.0])
-def test_a_log_that_shows_every_way_of_driving_is_complete_whatever_the_robots_speed(
-    scale: float,
-) -> None:
+def test_a_log_that_shows_every_way_of_driving_is_complete_whatever_the_robots_speed(scale: float):
     limits = 0.5 * scale, 0.5 * scale, 1.0
     coverage = find_coverage(quadrants(v=0.5 * scale), DT, limits)
     assert coverage.is_complete and coverage.missing == () and coverage.warnings() == []

@@ -81,9 +81,7 @@ def test_every_start_is_used_once_whatever_the_chunks(monkeypatch: pytest.Monkey
         (kl.nominal_unicycle(0.1), 1.0, 1.5, "stride"),
     ],
 )
-def test_what_cannot_be_evaluated(
-    model: kl.KoopmanModel, horizon: float, stride: Any, words: str
-) -> None:
+def test_what_cannot_be_evaluated(model: kl.KoopmanModel, horizon: float, stride: Any, words: str):
     with pytest.raises(kl.DataError, match=words):
         kl.evaluate(model, drives(), horizon, stride)
 

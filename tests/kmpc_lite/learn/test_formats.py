@@ -138,9 +138,7 @@ def test_a_log_too_long_is_refused_before_it_fills_the_memory(
 @pytest.mark.parametrize("since", [0.0, 1.7e9])
 @pytest.mark.parametrize("dt", [0.05, 0.1, 1 / 30, 0.02, 1.0])
 @pytest.mark.parametrize("rows", [2, 5, 200])
-def test_the_period_is_as_exact_as_the_stamps(
-    tmp_path: Path, since: float, dt: float, rows: int
-) -> None:
+def test_the_period_is_as_exact_as_the_stamps(tmp_path: Path, since: float, dt: float, rows: int):
     time = since + dt * np.arange(rows)
     np.savez(
         tmp_path / "run.npz",

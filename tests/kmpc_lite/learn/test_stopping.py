@@ -58,9 +58,7 @@ def test_a_robot_that_follows_its_commands_has_their_deceleration(
     assert found.delay == pytest.approx(0.3, abs=0.11)
 
 
-def test_a_robot_that_brakes_less_than_commanded_has_its_own_deceleration(
-    model: kl.KoopmanModel,
-) -> None:
+def test_a_robot_that_brakes_less_than_commanded_has_its_own_deceleration(model: kl.KoopmanModel):
     found = measure_stopping(model, log(1.0, weak=0.3, noise=0.005))
     assert found.deceleration is not None and found.deceleration < 0.45
     way = 0.5 * found.delay + 0.25 / (2 * found.deceleration)

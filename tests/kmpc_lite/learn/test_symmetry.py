@@ -113,9 +113,7 @@ def test_what_cannot_be_symmetric_is_refused_or_free() -> None:
         ([1, 1, 0], [[1, 0], [0, 1]], "theta never changes"),
     ],
 )
-def test_logs_that_cannot_show_it_are_reported(
-    scale: list[int], mix: list[list[int]], words: str
-) -> None:
+def test_logs_that_cannot_show_it_are_reported(scale: list[int], mix: list[list[int]], words: str):
     episodes = [kl.Episode(e.states * scale, e.inputs @ mix, e.dt) for e in drives().episodes]
     with pytest.raises(kl.DataError, match=words):
         kl.fit(kl.Dataset(episodes))

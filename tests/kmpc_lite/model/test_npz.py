@@ -237,9 +237,7 @@ def rewrite(
         ({"noise": np.full((3, 3, 3), "a")}, "noise"),
     ],
 )
-def test_a_model_of_another_kind_is_a_model_error(
-    saved: Path, change: dict[str, Any], words: str
-) -> None:
+def test_a_model_of_another_kind_is_a_model_error(saved: Path, change: dict[str, Any], words: str):
     rewrite(saved)
     kl.KoopmanModel.load(saved)
     rewrite(saved, **change)

@@ -79,9 +79,7 @@ def test_input_history_helps(robot: str, dt: float, lags: tuple[int, ...]) -> No
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("dictionary", [TRIG, HISTORY])
-def test_the_covariance_of_a_step_is_that_of_the_residuals(
-    robot: str, dictionary: kl.Dictionary
-) -> None:
+def test_the_covariance_of_a_step_is_that_of_the_residuals(robot: str, dictionary: kl.Dictionary):
     train, held = halves(robot, 0.05)
     model = kl.fit(train, dictionary)
     for data, tolerance in ((train, 0.12), (held, 0.3)):

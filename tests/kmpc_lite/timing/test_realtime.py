@@ -6,9 +6,7 @@ import pytest
 from kmpc_lite.realtime import prepare_process
 
 
-def test_preparing_a_process_reports_what_was_not_permitted(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_preparing_a_process_reports_what_was_not_permitted(monkeypatch: pytest.MonkeyPatch):
     def refuse(*_: object) -> None:
         raise PermissionError("not you")
 

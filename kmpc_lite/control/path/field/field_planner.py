@@ -11,14 +11,16 @@ obstacles, and a price for each change of gear.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from kmpc_lite.control.kernels.pose_tree import MOST_HALVINGS, PoseTree
 from kmpc_lite.control.kernels.twists import moved, sampled
+from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapFields
+from kmpc_lite.control.path.distance_grid import Ways as Way
 from kmpc_lite.control.path.field.motions import Motions, motions_of
 from kmpc_lite.control.path.field.outline_clearance import OutlineClearance
-from kmpc_lite.control.path.field.plain_field import PlainField
 from kmpc_lite.control.path.field.ways import TINY, Line, Piece, Ways
 from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.problem import NavigationProblem
@@ -45,6 +47,10 @@ ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 4, 400))
 """Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
 one after the other, until there is a path."""
 HALVES = np.array((0.5, 1.0))
+MOST_CELLS = 96
+"""Most cells along either axis of a square: larger areas get larger cells."""
+BORDER = 12.0
+"""How far a search reaches around start, goal and obstacles, in turning or robot radii."""
 BEND = 0.08
 """Largest turn between two poses of a path [rad]."""
 KNOTS = 16
@@ -68,6 +74,7 @@ class FieldPlanner:
         self._wheels, self._radius = wheels, problem.body_radius
         self._problem, self._margin = problem, problem.margin
         self._found: Path | str | None = None
+        self._maps = MapFields()
 
     def begin(self, request: PathRequest) -> None:
         """Begin a search."""
@@ -80,7 +87,11 @@ class FieldPlanner:
         # a step turns by an angle at the least, and leaves its cell
         self._step = max(self._motions.turn / tightest, self._radius / speed)
         self._speed, self._cell = speed, 0.9 * self._step * speed
-        self._field = PlainField(request, self._radius)
+        self._survey = self._look_around()
+        self._quanta = next(self._survey)
+        """Of the survey's part that comes next; none is left at 0."""
+        self._connects = False
+        """Whether the goal's place can be reached by what is as wide as the outline's core."""
         self._best: tuple[Piece, int] | None = None
         self._is_exhausted = False
         self._line: Line | None = None
@@ -110,8 +121,9 @@ class FieldPlanner:
         """Search on."""
         done = 0
         while done < quanta and self._found is None:
-            if not self._field.is_ready:
-                done += self._field.advance()
+            if self._quanta:
+                done += self._quanta
+                self._quanta = next(self._survey, 0)
                 continue
             done += PART_QUANTA
             if self._line is not None:
@@ -121,6 +133,31 @@ class FieldPlanner:
             else:
                 self._grow()
         return done
+
+    def _look_around(self) -> Iterator[int]:
+        """Find in parts how far it is from the start, for what is as wide as the outline's core."""
+        request, radius = self._request, self._radius
+        arms = float(np.hypot(request.outline[:, 0], request.outline[:, 1]).max())
+        border, apart = BORDER * (radius + arms), math.dist(request.start[:2], request.goal[:2])
+        extent = Extent(0.7 * radius, MOST_CELLS**2, 4.0 * border + apart, border)
+        grid = DistanceGrid(request, extent, self._maps.of(request.solids, extent.step))
+        yield from grid.see(width=8, least=2)
+        yield 2 * PART_QUANTA
+        # a cell is free if a point in it may be
+        free = grid.distance >= radius - 0.7 * grid.step
+        ways = Way(free, np.ones(free.shape), grid.step, grid.node(request.start))
+        self._grid, self._from_start = grid, ways.cost
+        self._connects = bool(np.isfinite(ways.cost[grid.node(request.goal)]))
+
+    def _time_to(self, poses: Array) -> tuple[Array, Array]:
+        """Least time (...) from the start to poses (..., 3) [s], and whether there is any (...)."""
+        grid, speed = self._grid, max(self._request.forward[0], self._request.backward[0])
+        place = (poses[..., :2] - grid.low) / grid.step
+        inside = ((place >= -1.0) & (place <= grid.shape)).all(axis=-1)
+        cells = np.rint(place).astype(np.intp)
+        row, column = np.moveaxis(np.clip(cells, 0, np.array(grid.shape) - 1), -1, 0)
+        found = self._from_start[row * grid.shape[1] + column]
+        return np.maximum(found - grid.step, 0.0) / speed, inside & np.isfinite(found)
 
     def _look_straight(self) -> None:
         """Look for a way from start to goal; one that costs hardly more than its time is best."""
@@ -138,7 +175,7 @@ class FieldPlanner:
             last = self._attempt + 1 == len(ATTEMPTS)
             # from no pose of a tree of fine steps it goes on
             self._is_exhausted |= not len(nodes) and self._attempt > 0
-            if self._best is None and self._field.connects and not last:
+            if self._best is None and self._connects and not last:
                 self._begin_tree(self._attempt + 1)
             else:
                 self._begin_improving()
@@ -154,10 +191,7 @@ class FieldPlanner:
         changes = gears[:, None] * gear < 0
         costs = costs[:, None] + times * self._clearance.price(kept).mean(axis=2)
         costs = costs + self._gear_price * changes
-        to_go, within = (
-            part.reshape(times.shape)
-            for part in self._field.time_to(before[:, :, 1].reshape(-1, 3))
-        )
+        to_go, within = self._time_to(before[:, :, 1])
         good = (kept.min(axis=2) >= 0.0) & within & (costs + to_go < self._price)
         row, column = np.nonzero(good)
         if len(row):
@@ -222,7 +256,7 @@ class FieldPlanner:
 
     def _reason(self) -> str:
         """Why there is no path."""
-        if not self._field.connects:
+        if not self._connects:
             return NO_WAY
         if not self._is_exhausted:
             return GAVE_UP

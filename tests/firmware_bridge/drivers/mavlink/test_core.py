@@ -18,9 +18,7 @@ from firmware_bridge.drivers.mavlink.options import MavlinkOptions
         (math.pi, -0.4, 0.3),
     ],
 )
-def test_what_we_command_is_what_moves_and_what_we_see(
-    theta: float, v: float, omega: float
-) -> None:
+def test_what_we_command_is_what_moves_and_what_we_see(theta: float, v: float, omega: float):
     rig = Rig(pose=(1.0, -2.0, theta))
     rig.take()
     rig.drive(v, omega, 4.0)

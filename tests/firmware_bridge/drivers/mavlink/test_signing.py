@@ -70,9 +70,7 @@ def test_every_start_drives_whatever_our_clock_says(
         assert silent.counters["bad_signature"] == 0
 
 
-def test_a_failsafe_that_acts_before_anything_was_driven_is_no_pilot(
-    options: MavlinkOptions,
-) -> None:
+def test_a_failsafe_that_acts_before_anything_was_driven_is_no_pilot(options: MavlinkOptions):
     rig = Rig(options, key=KEY, parameters=FAILSAFE)
     rig.take()
     rig.rover.autopilot.say(4, "GCS Failsafe")
@@ -85,9 +83,7 @@ def test_a_failsafe_that_acts_before_anything_was_driven_is_no_pilot(
     assert rig.core.counters["overruled"] == 1
 
 
-def test_a_pilot_that_chooses_hold_before_anything_was_driven_keeps_it(
-    options: MavlinkOptions,
-) -> None:
+def test_a_pilot_that_chooses_hold_before_anything_was_driven_keeps_it(options: MavlinkOptions):
     rig = Rig(options, key=KEY, parameters=FAILSAFE)
     rig.take()
     rig.rover.pilot_mode(HOLD)

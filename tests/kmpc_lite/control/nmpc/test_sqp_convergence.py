@@ -78,9 +78,7 @@ def converge(model: kl.KoopmanModel, case: str) -> tuple[kl.Plan, Certificate]:
         for case in ("free", "past obstacles", "held by an obstacle")
     ],
 )
-def test_converged_plan_is_a_kkt_point(
-    case: str, name: str, models: dict[str, kl.KoopmanModel]
-) -> None:
+def test_converged_plan_is_a_kkt_point(case: str, name: str, models: dict[str, kl.KoopmanModel]):
     plan, found = converge(models[name], case)
     # 1e-7 m a pass is asked for; where that takes more passes than allowed, what there is must be a
     # KKT point all the same

@@ -65,9 +65,7 @@ def test_tables_of_a_file_make_options_and_what_was_changed_makes_the_tables() -
         ({"solver": {"real_time": {"max_iter": 0}}}, "expected a whole number >= 1, got 0"),
     ],
 )
-def test_what_is_wrong_in_a_table_is_reported_in_one_line(
-    tables: dict[str, Any], words: str
-) -> None:
+def test_what_is_wrong_in_a_table_is_reported_in_one_line(tables: dict[str, Any], words: str):
     with pytest.raises(kl.ProblemError, match=re.escape(words)) as refused:
         kl.ControllerOptions.from_dict(tables)
     assert "\n" not in str(refused.value)

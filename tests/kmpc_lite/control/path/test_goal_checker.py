@@ -239,9 +239,7 @@ def park(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_start_any_heading_ends_at_rest_in_the_pose(
-    learned: kl.KoopmanModel, seed: int
-) -> None:
+def test_any_start_any_heading_ends_at_rest_in_the_pose(learned: kl.KoopmanModel, seed: int):
     error, commands, holding = park(learned, seed, slip=0.05)
     assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
     # at rest for good: no dithering

@@ -112,9 +112,7 @@ def test_a_robot_that_lags_has_a_clear_motion_or_none_at_all() -> None:
 
 
 @pytest.mark.parametrize("model", [NOMINAL, lagging()], ids=["at once", "lags"])
-def test_a_standing_robot_may_always_stand_and_may_leave_what_it_touches(
-    model: KoopmanModel,
-) -> None:
+def test_a_standing_robot_may_always_stand_and_may_leave_what_it_touches(model: KoopmanModel):
     for gap in (-0.05, 0.0, 0.002):
         behind = Surroundings(rows((-0.35 - gap, 0.0, 0.2)))
         at_rest = np.zeros(2)

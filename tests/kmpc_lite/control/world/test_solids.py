@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import kmpc_lite as kl
 from kmpc_lite.control.world.boxes import BEHIND, GRID_COLUMNS
+from kmpc_lite.control.world.outlines import MANY
 from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.solids import Solids
 
@@ -123,6 +124,30 @@ def test_distances_are_those_of_dense_samples(seed: int) -> None:
             np.testing.assert_array_equal(inside, occupied)
         elif isinstance(solid, kl.Polygon):
             np.testing.assert_allclose(-distance[inside], brute[inside], atol=3e-3)
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10_000))
+def test_many_points_among_many_solids_are_measured_as_each_by_itself(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    walls = [kl.Wall(*a, *(a + random.uniform(-1, 1, 2))) for a in random.uniform(-9, 9, (400, 2))]
+    bricks = [
+        kl.Polygon(a + [(0, 0), (0.5, 0), (0.4, 0.3)]) for a in random.uniform(-9, 9, (40, 2))
+    ]
+    whole, cart = Solids([*walls, *bricks]).whole, kl.Footprint.rectangle(0.6, 0.3, 0.1)
+    poses = random.uniform(-8.0, 8.0, (60, 3))
+    points = cart.places(poses).reshape(-1, 2)
+    assert len(points) * 400 > MANY
+    each = [whole.nearest(point[None]) for point in points]
+    distance, normals = whole.nearest(points)
+    np.testing.assert_allclose(distance, [d[0] for d, _ in each], atol=1e-12)
+    np.testing.assert_allclose(normals, [n[0] for _, n in each], atol=1e-9)
+    np.testing.assert_allclose(whole.least(points), distance, atol=1e-12)
+    alone = [whole.least(cart.places(p[None])[0], (cart, p[None])) for p in poses]
+    outline = whole.least(points, (cart, poses))
+    np.testing.assert_allclose(outline, np.concatenate(alone), atol=1e-12)
+    assert (outline > distance + 1e-3).any()
+    np.testing.assert_allclose(whole.least(points[:1].repeat(400, axis=0)), distance[0])
 
 
 @settings(max_examples=20)
