@@ -31,9 +31,9 @@ def executor(workers: int | None = None, cluster: str | None = None) -> Iterator
     """Start what runs a study.
 
     `workers`: processes on this machine; as many as it has cores if not given. `cluster`: address
-    of a Dask scheduler (``tcp://host:8786``), which then does the work instead. Yields an
-    interrupt, or any error, ends its work at once. Raises KmpcError if Dask is not installed, no
-    scheduler answers, it has no workers, or these have another version of this package.
+    of a Dask scheduler (``tcp://host:8786``), which then does the work instead. An interrupt, or
+    any error, ends its work at once. Raises KmpcError if Dask is not installed, no scheduler
+    answers, it has no workers, or these have another version of this package.
     """
     if cluster is not None:
         with _cluster(cluster) as remote:
