@@ -130,10 +130,10 @@ class Nearby:
             rows.append(_look(part, points, None, True))
         for boxes in self._boxes:
             _, gaps, away = boxes.choose(points)
-            rows.append(np.column_stack([gaps[:, 0], away[:, 0]]))
+            at = np.arange(len(points)), gaps.argmin(axis=1)
+            rows.append(np.column_stack([gaps[at], away[at]]))
         for row in rows:
-            nearer = row[:, 0] < found[:, 0]
-            found[nearer] = row[nearer]
+            np.copyto(found, row, where=row[:, :1] < found[:, :1])
         return found[:, 0], found[:, 1:]
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.world.boxes import BEHIND, GRID_COLUMNS
+from kmpc_lite.control.world.boxes import BEHIND, GRID_COLUMNS, Boxes
 from kmpc_lite.control.world.outlines import MANY
 from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.solids import Solids
@@ -131,21 +131,21 @@ def test_distances_are_those_of_dense_samples(seed: int) -> None:
 def test_many_points_among_many_solids_are_measured_as_each_by_itself(seed: int) -> None:
     random = np.random.default_rng(seed)
     walls = [kl.Wall(*a, *(a + random.uniform(-1, 1, 2))) for a in random.uniform(-9, 9, (400, 2))]
-    bricks = [
-        kl.Polygon(a + [(0, 0), (0.5, 0), (0.4, 0.3)]) for a in random.uniform(-9, 9, (40, 2))
-    ]
+    brick = [(0, 0), (0.5, 0), (0.4, 0.3)]
+    bricks = [kl.Polygon(a + brick) for a in random.uniform(-9, 9, (40, 2))]
     whole, cart = Solids([*walls, *bricks]).whole, kl.Footprint.rectangle(0.6, 0.3, 0.1)
-    poses = random.uniform(-8.0, 8.0, (60, 3))
-    points = cart.places(poses).reshape(-1, 2)
+    points = cart.places(poses := random.uniform(-8.0, 8.0, (60, 3))).reshape(-1, 2)
     assert len(points) * 400 > MANY
-    each = [whole.nearest(point[None]) for point in points]
-    distance, normals = whole.nearest(points)
-    np.testing.assert_allclose(distance, [d[0] for d, _ in each], atol=1e-12)
-    np.testing.assert_allclose(normals, [n[0] for _, n in each], atol=1e-9)
-    np.testing.assert_allclose(whole.least(points), distance, atol=1e-12)
+    cells, low = kl.OccupancyGrid(np.eye(40) * 100, 0.4), random.uniform(-5, 5, (50, 2))
+    for all_ in (whole, whole.with_boxes([Boxes(low, low + 0.4, cells, behind=0.3)])):
+        every, away = all_.measure(points)
+        at, (distance, normals) = every.argmin(axis=1)[:, None], all_.nearest(points)
+        np.testing.assert_allclose(distance, every.min(axis=1), atol=1e-12)
+        np.testing.assert_allclose(normals, np.take_along_axis(away, at[..., None], 1)[:, 0])
+    distance = whole.least(points)
+    np.testing.assert_allclose(distance, whole.nearest(points)[0], atol=1e-12)
     alone = [whole.least(cart.places(p[None])[0], (cart, p[None])) for p in poses]
-    outline = whole.least(points, (cart, poses))
-    np.testing.assert_allclose(outline, np.concatenate(alone), atol=1e-12)
+    np.testing.assert_allclose(outline := whole.least(points, (cart, poses)), np.hstack(alone))
     assert (outline > distance + 1e-3).any()
     np.testing.assert_allclose(whole.least(points[:1].repeat(400, axis=0)), distance[0])
 
