@@ -123,9 +123,9 @@ def diagram() -> str:
 
 
 def legend() -> str:
-    """Render states, events and reasons as Markdown tables, for docs/howto/bridge.md."""
+    """Render states and reasons as Markdown tables, for docs/howto/bridge.md."""
     blocks = []
-    for title, members in (("State", GateState), ("Event", Event), ("Reason", Reason)):
+    for title, members in (("State", GateState), ("Reason", Reason)):
         rows = [
             f"| {title} | Meaning |",
             "|---|---|",
