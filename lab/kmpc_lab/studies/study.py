@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from itertools import product
@@ -20,6 +19,7 @@ from kmpc_lite.reading import open_regular, read_bytes
 
 if TYPE_CHECKING:
     from kmpc_lab.studies.drive import DriveResult
+    from kmpc_lab.studies.executors import Run
 
 REPORTING_SEED = 500_000
 """Seed from which on figures are reported; anything is tuned below it."""
@@ -128,9 +128,9 @@ class Study:
         return import_module(f"kmpc_lab.studies.{self.drive.partition(':')[0]}")
 
 
-def drive_one(study: Study, asked: Asked) -> DriveResult:
-    """What a worker does; without its trace."""
-    return replace(drive_traced(study, asked), trace=None)
+def drive_one(study: Study, asked: Asked) -> tuple[Asked, DriveResult]:
+    """What a worker does: the drive of what is asked, without its trace."""
+    return asked, replace(drive_traced(study, asked), trace=None)
 
 
 def drive_traced(study: Study, asked: Asked) -> DriveResult:
@@ -147,8 +147,8 @@ def drive_traced(study: Study, asked: Asked) -> DriveResult:
 class Work:
     """How a study runs: what does the work, who hears of it, and where its records stand."""
 
-    executor: Executor
-    """Its workers must be able to import this package."""
+    run: Run
+    """Of an `executor`."""
     progress: Callable[[int, int], None] = lambda done, total: None
     """Called with results there and results in all."""
     records: str | Path | None = None
@@ -161,22 +161,18 @@ class Work:
         Raises DataError for a records file that is not this study's. Raises OSError if records
         cannot be written; before anything is driven.
         """
-        from kmpc_lab.studies.executors import gather
-
         every = {} if self.records is None else read_records(self.records, study.name)
         done = {asked: every[asked] for asked in wanted if asked in every}
 
-        def keep(asked: Asked, row: DriveResult) -> None:
+        self.progress(len(done), len(wanted))
+        missing = [(study, asked) for asked in wanted if asked not in done]
+        for asked, row in self.run(drive_one, missing):
             done[asked] = row
             if self.records is not None:
                 line = {"study": study.name, "asked": asked, "row": row.as_record()}
                 with Path(self.records).open("a", encoding="utf-8") as file:
                     file.write(json.dumps(line) + "\n")
             self.progress(len(done), len(wanted))
-
-        self.progress(len(done), len(wanted))
-        missing = [asked for asked in wanted if asked not in done]
-        gather({self.executor.submit(drive_one, study, asked): asked for asked in missing}, keep)
         return [done[asked] for asked in wanted]
 
 

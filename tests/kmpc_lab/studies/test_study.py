@@ -1,8 +1,8 @@
 """The runner of studies: what is asked for, records kept line by line, and tables."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import starmap
 from pathlib import Path
 
 import pytest
@@ -79,22 +79,21 @@ def test_rows_are_kept_and_only_what_is_missing_is_driven(
         return replace(ROW, seconds=float(seed), clearance=math.inf)
 
     def drives(*seeds: int) -> list[DriveResult]:
-        with ThreadPoolExecutor(1) as executor:
-            work = Work(executor, lambda *progress: told.append(progress), file)
-            return work.rows(SCALES, SCALES.asked([["x1"]], seeds))
+        work = Work(starmap, lambda *progress: told.append(progress), file)
+        return work.rows(SCALES, SCALES.asked([["x1"]], seeds))
 
     monkeypatch.setattr(robot_drives, "drive_named", drive)
     first = drives(1, 2)
     assert [row.seconds for row in first] == [1.0, 2.0] and first[0].axes == ("x1",)
     assert told[-1] == (2, 2)
     with pytest.raises(RuntimeError, match="worker died"):
-        drives(9, 3)
+        drives(3, 9)
     # the process was killed while it wrote
     file.write_text(file.read_text() + '{"study": "sca')
     told.clear()
     assert [row.seconds for row in drives(3, 2, 4)] == [3.0, 2.0, 4.0]
     assert told == [(2, 3), (3, 3)] and len(file.read_text().splitlines()) == 4
-    assert driven == [1, 2, 9, 3, 4]
+    assert driven == [1, 2, 3, 9, 4]
     for line in ('{"study": "jumps", "asked": [1], "row": {}}', '{"study": "scales"}', "[]"):
         file.write_text(line + "\n")
         with pytest.raises(DataError, match="line 1: expected a drive of kmpc study scales, got"):
