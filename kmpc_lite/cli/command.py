@@ -20,7 +20,7 @@ from kmpc_lite.errors import KmpcError, did_you_mean
 
 ENTRY_POINTS = "kmpc.commands"
 ROBOT = (
-    *("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "signing", "ros2"),
+    *("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"),
     "export",
 )
 """Commands of a robot, in the order in which the help shows them."""

@@ -208,8 +208,8 @@ class MavlinkDriver:
             )
         if counters["unsigned"]:
             return start + (
-                f"{counters['unsigned']} unsigned frames: the vehicle has no key; send it ours "
-                "(kmpc signing setup), or leave board.key_file out"
+                f"{counters['unsigned']} unsigned frames: the vehicle has no key; give it ours "
+                "by a ground station, or leave board.key_file out"
             )
         if counters["others"]:
             return start + f"{counters['others']} frames of other systems: is the id right?"

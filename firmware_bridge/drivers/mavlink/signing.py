@@ -1,4 +1,4 @@
-"""Signing keys: made and read; the newest time on disk.
+"""The newest time of a signing key, on disk.
 
 The newest signing time that was accepted is kept, so that recordings stay refused after a restart:
 a computer without a battery-backed clock starts in 1970, when every recorded frame looks new.
@@ -6,7 +6,6 @@ a computer without a battery-backed clock starts in 1970, when every recorded fr
 
 from __future__ import annotations
 
-import hashlib
 import os
 from pathlib import Path
 
@@ -77,14 +76,3 @@ class SigningStamp:
                 "remove the file if no other program can send to the vehicle"
             ) from None
         return stamp
-
-
-def passphrase_key(passphrase: str) -> bytes:
-    """Key (32 bytes) of a passphrase, as MAVProxy, Mission Planner and QGroundControl make it.
-
-    Examples
-    --------
-    >>> passphrase_key("secret").hex()[:16]
-    '2bb80d537b1da3e3'
-    """
-    return hashlib.sha256(passphrase.encode("utf-8")).digest()
