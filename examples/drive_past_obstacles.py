@@ -11,7 +11,7 @@ from pathlib import Path
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lab import Scenario, drive, write_pictures
+from kmpc_lab import Scenario, draw_drives, drive
 
 OUTPUT = Path("out") / "figures"
 
@@ -31,8 +31,9 @@ def main() -> None:
         "the goal"
     )
     print(f"smallest distance to an obstacle: {100 * run.clearance:.1f} cm")
-    for picture in write_pictures(OUTPUT, run):
-        print(f"wrote {picture}")
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    draw_drives(OUTPUT / "drive.png", {"drive": run})
+    print(f"wrote {OUTPUT / 'drive.png'}")
 
 
 if __name__ == "__main__":

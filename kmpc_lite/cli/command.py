@@ -19,10 +19,7 @@ from kmpc_lite.cli.extras import LAB_LINE, MissingExtra
 from kmpc_lite.errors import KmpcError, did_you_mean
 
 ENTRY_POINTS = "kmpc.commands"
-ROBOT = (
-    *("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"),
-    "export",
-)
+ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"), "export")
 """Commands of a robot, in the order in which the help shows them."""
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a desk, which the distribution kmpc-lab brings."""

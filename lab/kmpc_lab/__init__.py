@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from kmpc_lab.peers.ipopt import IpoptController
     from kmpc_lab.recording.drive_file import load_drive
     from kmpc_lab.report.html import write_report
-    from kmpc_lab.report.pictures.files import write_pictures
+    from kmpc_lab.report.runs import draw_drives
     from kmpc_lab.sim.closed_loop import Outcome, Run, drive
     from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
     from kmpc_lab.sim.plants.learned import LearnedPlant
@@ -26,11 +26,11 @@ __all__ = [
     "Outcome",
     "Run",
     "Scenario",
+    "draw_drives",
     "drive",
     "drive_log",
     "generate_dataset",
     "load_drive",
-    "write_pictures",
     "write_report",
 ]
 _WHERE = {
@@ -45,7 +45,7 @@ _WHERE = {
     "drive": "kmpc_lab.sim.closed_loop",
     "generate_dataset": "kmpc_lab.sim.plants.robots",
     "load_drive": "kmpc_lab.recording.drive_file",
-    "write_pictures": "kmpc_lab.report.pictures.files",
+    "draw_drives": "kmpc_lab.report.runs",
     "write_report": "kmpc_lab.report.html",
 }
 

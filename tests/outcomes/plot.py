@@ -1,4 +1,4 @@
-"""A drive as a picture: path, obstacles to scale, statuses by colour."""
+"""A drive as a picture: path, obstacles to scale, commands."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from kmpc_lab.studies import picture
+from kmpc_lab.report import picture
+from kmpc_lab.report.style import render, write_picture
 from outcomes.lab import World
 from outcomes.loop import Trace, result_of
 from outcomes.setup import Row
@@ -31,4 +32,4 @@ def draw(row: Row, trace: Trace, path: Path) -> None:
         f"{row.family}: {row.name}\n{found.ended} {found.time:.2f} s, {found.contacts} contacts, "
         f"least clearance {found.clearance:.2f} r {found.faults}"
     )
-    picture.draw(drawn, title, path)
+    write_picture(path, render(picture.drive_picture({"": drawn}, title), "png"))

@@ -130,7 +130,7 @@ def demo(
     only source of obstacles; `say` receives a line per phase.
     """
     from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
-    from kmpc_lab.report import write_report
+    from kmpc_lab.report.html import write_report
     from kmpc_lab.sim.closed_loop import Outcome
     from kmpc_lite.learn.loading import load_logs
     from kmpc_lite.scenario.files import Scenario
@@ -259,7 +259,7 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
 def simulated(options: argparse.Namespace) -> int:
     """Record or read a log, learn, check, drive, report: without a link."""
     from kmpc_lab.cli.own_course import course_for
-    from kmpc_lab.report import write_report
+    from kmpc_lab.report.html import write_report
     from kmpc_lab.sim.closed_loop import Outcome
     from kmpc_lite.learn.loading import load_logs
     from kmpc_lite.scenario.files import Scenario

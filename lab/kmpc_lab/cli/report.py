@@ -1,4 +1,4 @@
-"""`kmpc report`: show a drive, simulated or real, as one HTML page, or as pictures."""
+"""`kmpc report`: show a drive, simulated or real, as one HTML page, or as a picture."""
 
 from __future__ import annotations
 
@@ -32,36 +32,32 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "play from this time on [s]; of a long drive every step is then there"
     add("--from", dest="begin", type=float, metavar="S", help=text)
     add("--to", dest="end", type=float, metavar="S", help="play to this time [s]")
-    add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
-    text = (
-        "more drives on the same map: the page plays them with it, and beside.png of "
-        "--pictures shows all"
-    )
+    add("--picture", type=Path, metavar="FILE", help="picture to write (.png, .svg), not the page")
+    text = "more drives on the same map: page and picture show all"
     add("--beside", type=Path, nargs="+", default=[], metavar="RUN", help=text)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make the page or the pictures of a run."""
+    """Make the page or the picture of a run."""
     need("a report", "matplotlib")
     from kmpc_lab.recording.drive_file import load_drive
-    from kmpc_lab.report import write_beside, write_pictures, write_report
-    from kmpc_lab.report.overlay import check_one_map
+    from kmpc_lab.report.html import write_report
+    from kmpc_lab.report.runs import check_one_map, draw_drives
 
-    keep_inputs(options.output, options.file, options.model)
+    keep_inputs(options.output or options.picture, options.file, options.model)
     drive = load_drive(options.file)
     if options.begin is not None or options.end is not None:
         drive = _between(drive, options.begin, options.end)
     model = kl.KoopmanModel.load(options.model) if options.model else None
     written: list[str] = []
-    others = [(str(file), load_drive(file)) for file in options.beside]
-    if others:
-        check_one_map([drive, *(run for _, run in others)], [options.file, *options.beside])
-    if others and options.pictures:
-        runs = [drive, *(run for _, run in others)]
-        written.append(str(write_beside(options.pictures, runs, [options.file, *options.beside])))
-    elif options.pictures:
-        written += [str(f) for f in write_pictures(options.pictures, drive)]
-    if options.output or not options.pictures:
+    others = {str(file): load_drive(file) for file in options.beside}
+    check_one_map({str(options.file): drive, **others})
+    if options.picture:
+        files = [options.file, *options.beside]
+        runs = zip(files, (drive, *others.values()), strict=True)
+        draw_drives(options.picture, {file.stem: run for file, run in runs})
+        written.append(str(options.picture))
+    if options.output or not options.picture:
         page = options.output or _beside(options.file)
         write_report(page, drive, model=model, command=command_line(), beside=others)
         written.append(str(page))
@@ -86,12 +82,12 @@ def _beside(run: Path) -> Path:
 
 
 COMMAND = Command(
-    text="Show a drive as one HTML page, or as PNG pictures.",
+    text="Show a drive as one HTML page, or as a picture.",
     examples=(
         "kmpc report drives/monday     # a folder of kmpc run --record, or kmpc simulate --record",
         "kmpc report run.npz -o run.html",
         "kmpc report monday --beside tuesday   # both on one map, at the same time",
-        "kmpc report run.npz --pictures figures",
+        "kmpc report run.npz --picture run.png",
     ),
     add_options=add_options,
     run=run,

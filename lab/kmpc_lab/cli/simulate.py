@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     if options.output:
         drive.save(options.output)
     if options.report:
-        from kmpc_lab.report import write_report
+        from kmpc_lab.report.html import write_report
 
         drive = recorder.with_details(drive)
         write_report(options.report, drive, model=model, command=command_line())

@@ -1,4 +1,4 @@
-"""Elements of the page: escaped text, tables, and pictures with their captions."""
+"""Elements of the page: escaped text, tables, and the picture with its caption."""
 
 from __future__ import annotations
 
@@ -7,48 +7,19 @@ from base64 import b64encode
 from collections.abc import Iterable
 from html import escape
 
-CAPTIONS = {
-    "map": (
-        "Map of the drive: obstacles, the robot's path and plans, start and goal",
-        "To scale. Circles are the robot at the times beside them, "
-        "the line in each points forward. Dashed lines are what the controller "
-        "planned at some of those times, each up to its dot.",
-    ),
-    "commands": (
-        "Commanded forward speed and turn rate over time",
-        "What was sent to the motors, one step per period. Shaded: "
-        "steps whose plan was not simply solved.",
-    ),
-    "errors": (
-        "Distance to the goal, heading error and clearance over time",
-        "Both errors must be within the dashed lines for the robot to have arrived. "
-        "Clearance is from edge to edge.",
-    ),
-    "timing": (
-        "Time of each control step and its distribution, against the period",
-        "Time from pose to command. The first step starts without an earlier plan.",
-    ),
-    "fit": (
-        "Held-out prediction errors of the model and of the nominal unicycle",
-        "Smaller is better. The nominal unicycle is the robot that obeys its commands exactly.",
-    ),
-}
-"""Alternative text and caption of each picture."""
-MOVING_CAPTION = (
-    " Moving obstacles are filled where they start and dotted where they are at the times in them."
+ALT = "Map of the drive: obstacles, the robot's path, start and goal; below it commands over time"
+CAPTION = (
+    "To scale. Below, what was sent to the motors, one step per period; shaded: steps whose plan "
+    "was not simply solved. Clearance is from edge to edge."
 )
 UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|mrad|m|s|rad|m/s|rad/s|%)(?![\w]))")
 
 
-def image(name: str, svg: bytes, more: str) -> str:
-    """Picture as an element; inside an image its ids cannot meet those of the others."""
-    alt, caption = CAPTIONS[name]
-    picture = (
-        f'<img alt="{escape(alt)}" '
-        f'src="data:image/svg+xml;base64,{b64encode(svg).decode("ascii")}">'
-    )
-    below = f"<figcaption>{escape(caption + more)}</figcaption>"
-    return f'<figure class="{name}">{picture}{below}</figure>'
+def image(svg: bytes) -> str:
+    """The picture as an element."""
+    source = f"data:image/svg+xml;base64,{b64encode(svg).decode('ascii')}"
+    below = f"<figcaption>{escape(CAPTION)}</figcaption>"
+    return f'<figure class="map"><img alt="{escape(ALT)}" src="{source}">{below}</figure>'
 
 
 def joined(words: str) -> str:

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.report.elements import MOVING_CAPTION, image, joined, table
+from kmpc_lab.report.elements import image, joined, table
 from kmpc_lab.report.events import MOST, events_of
 from kmpc_lab.report.made_by import made_rows
 from kmpc_lab.report.model_section import fit_section, held_out
-from kmpc_lab.report.pictures.files import run_pictures
+from kmpc_lab.report.picture import drive_picture
 from kmpc_lab.report.player import FILES, player_data, script
-from kmpc_lab.report.scenario_rows import option_rows, robot_rows, scenario_rows
+from kmpc_lab.report.runs import trace_of
 from kmpc_lab.report.style import render, write_picture
 from kmpc_lab.report.words import (
     STATUS_WORDS,
+    clearance_words,
     length,
     milliseconds,
     outcome_sentence,
@@ -41,6 +42,10 @@ BADGES = {
 }
 
 
+SCENARIOS_OWN, LEARNED = "slip", "learned"
+"""Plants of ``kmpc simulate``; a run that tells none drove the scenario's own."""
+
+
 def write_report(
     path: str | os.PathLike[str],
     run: Run,
@@ -51,7 +56,7 @@ def write_report(
     *,
     u_min: ArrayLike | None = None,
     u_max: ArrayLike | None = None,
-    beside: Sequence[tuple[str, Run]] = (),
+    beside: Mapping[str, Run] | None = None,
 ) -> None:
     """Write the report of a run: one HTML file, whole or not at all.
 
@@ -73,8 +78,8 @@ def write_report(
         Command line that made the run, to repeat it.
     u_min, u_max : array_like, optional
         Command limits (2,) [m/s, rad/s]; what the run keeps in its `info` if not given.
-    beside : sequence of tuple, optional
-        Names of other drives on the same map, and these: they are played with it.
+    beside : mapping, optional
+        Other drives on the same map by their names: they are played with it.
 
     Raises
     ------
@@ -84,11 +89,7 @@ def write_report(
     from markupsafe import Markup
 
     report = held_out(model) if fit_report is None else fit_report
-    moving = any(circle.vx or circle.vy for circle in run.scenario.circles)
-    pictures = {
-        name: image(name, render(figure, "svg"), MOVING_CAPTION if name == "map" and moving else "")
-        for name, figure in run_pictures(run, report, u_min, u_max).items()
-    }
+    picture = drive_picture({"": trace_of(run, u_min, u_max)}, clearance_words(run))
     tone, badge = BADGES[run.outcome]
     events = [] if run.details is None else events_of(run.details)
     code, script_hash = script()
@@ -104,20 +105,16 @@ def write_report(
             {"name": name, "value": joined(value), "note": joined(note)}
             for name, value, note in _tiles(run)
         ],
-        map=Markup(pictures["map"]),
-        commands=Markup(pictures["commands"]),
-        errors=Markup(pictures["errors"]),
-        timing=Markup(pictures["timing"]),
+        picture=Markup(image(render(picture, "svg"))),
         times_table=Markup(table(_time_rows(run))),
         statuses=Markup(table(_status_rows(run))),
-        fit=Markup(fit_section(model, report, pictures.get("fit", ""))),
-        robot_table=Markup(table(robot_rows(run))),
-        scenario_table=Markup(table([*scenario_rows(run), *option_rows(run)])),
+        fit=Markup(fit_section(model, report)),
+        conditions=Markup(table(_conditions(run))),
         toml=run.scenario.to_toml(),
         made=Markup(table(made_rows(run, command))),
         kept=_kept(run.info),
         css=Markup("\n".join(_file(name) for name in ("page.css", "player.css"))),
-        data=Markup(player_data(run, u_min, u_max, beside)),
+        data=Markup(player_data(run, u_min, u_max, beside or {})),
         script=Markup(code),
         script_hash=script_hash,
     )
@@ -200,6 +197,21 @@ def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
     )
     yield "Period, the budget", milliseconds(run.dt)
     yield "Steps over budget", str(late) if late else "none"
+
+
+def _conditions(run: Run) -> Iterable[tuple[str, str]]:
+    """Which robot was driven, and the options that are not the usual ones."""
+    plant = str(run.info.get("plant", SCENARIOS_OWN))
+    robot = {
+        SCENARIOS_OWN: "simulated, with the slip, lag and floors of the scenario",
+        LEARNED: "simulated: behaves as the model does; the scenario's [plant] does not act",
+    }
+    yield "Robot", robot.get(plant, f"{plant}; the scenario's [plant] does not act")
+    yield "Obstacles", str(run.scenario.obstacle_count)
+    yield "Period and horizon", f"{milliseconds(run.dt)}, {run.plans.shape[1] - 1} stages"
+    changed = run.info.get("options", run.scenario.options.changed())
+    if isinstance(changed, Mapping) and changed:
+        yield "Options that were changed", json.dumps(changed)
 
 
 def _kept(info: Mapping[str, Any]) -> str:

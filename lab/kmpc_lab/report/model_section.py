@@ -26,7 +26,7 @@ def held_out(model: KoopmanModel | None) -> FitReport | None:
     return FitReport(**kept)
 
 
-def fit_section(model: KoopmanModel | None, report: FitReport | None, picture: str) -> str:
+def fit_section(model: KoopmanModel | None, report: FitReport | None) -> str:
     """How the model was made and how well it predicts, or nothing."""
     if model is None and report is None:
         return ""
@@ -34,9 +34,7 @@ def fit_section(model: KoopmanModel | None, report: FitReport | None, picture: s
     if model is not None:
         parts.append(table(_model_rows(model)))
     if report is not None:
-        parts += [_errors_table(report)]
-    if picture:
-        parts = [*parts[:2], '<div class="beside"><div>', *parts[2:], "</div>", picture, "</div>"]
+        parts.append(_errors_table(report))
     return "\n".join([*parts, "</section>"])
 
 

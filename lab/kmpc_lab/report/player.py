@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge.recording.drive.seen import CORNERS, STEP, hits, outline
-from kmpc_lab.report.map_view import view_of
 from kmpc_lab.report.moments import Moments, moments
-from kmpc_lab.report.pictures.commands import limits
+from kmpc_lab.report.picture import rectangles, view_of
+from kmpc_lab.report.runs import limits, trace_of
 from kmpc_lab.report.words import STATUS_WORDS, outcome_title, path_times
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.control.world.occupancy import OccupancyGrid
@@ -38,12 +38,12 @@ MOST_PLACES = 1500
 """Places of a drive that is shown beside another."""
 
 
-def player_data(run: Run, u_min: Any, u_max: Any, beside: Sequence[tuple[str, Run]] = ()) -> str:
+def player_data(run: Run, u_min: Any, u_max: Any, beside: Mapping[str, Run]) -> str:
     """Give what a page plays as JSON that can stand in a script element.
 
     `beside` are other drives on the same map, by name: they are shown at the same time.
     """
-    others = [_other(name, drive) for name, drive in beside]
+    others = [_other(name, drive) for name, drive in beside.items()]
     now = moments(run)
     count = len(now.details.times)
     stride = max(1, -(-count // MOST_MOMENTS))
@@ -128,12 +128,11 @@ def _map(run: Run) -> dict[str, Any]:
         if isinstance(solid, Wall):
             walls.append([*np.round(corners_of(solid).ravel(), 4).tolist(), solid.thickness])
         elif isinstance(solid, OccupancyGrid):
-            corners = solid.rectangles[:MOST_BOXES, [[0, 1], [2, 1], [2, 3], [0, 3]]]
-            boxes += np.round(solid.to_map(corners), 3).reshape(-1, 8).tolist()
+            boxes += np.round(rectangles(solid)[:MOST_BOXES], 3).reshape(-1, 8).tolist()
         else:
             outlines.append(np.round(corners_of(solid), 4).tolist())
     return {
-        "view": np.round(view_of(scenario, [run]), 3).ravel().tolist(),
+        "view": np.round(view_of([trace_of(run)]), 3).ravel().tolist(),
         "bounds": list(scenario.bounds),
         "radius": scenario.radius,
         **_body(scenario),

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from kmpc_lab.report.picture import Trace
 from kmpc_lab.sim.periods import periods
 from kmpc_lite.control import Circle, Controller, Footprint, NavigationProblem, Polygon, Wall
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -26,25 +27,6 @@ HELD = 1.0
 SHARES = "stopped", "fallback", "feasible"
 CREEPS = 0.02
 """Share of its speed below which a robot has no gear."""
-
-
-class Trace(NamedTuple):
-    """What a picture shows of a drive."""
-
-    poses: Array
-    """(T + 1, 3)."""
-    commands: Array
-    """(T, m)."""
-    statuses: tuple[str, ...]
-    """(T,)."""
-    goal: Array
-    """(3,)."""
-    body: Footprint | float
-    """What the robot covers, or its radius [m]."""
-    around: Sequence[Circle | Polygon | Wall | World]
-    """What stands there."""
-    dt: float
-    """[s]."""
 
 
 @dataclass(frozen=True)

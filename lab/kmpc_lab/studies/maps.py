@@ -9,12 +9,13 @@ from functools import cache
 
 import numpy as np
 
+from kmpc_lab.report.runs import trace_of
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lab.sim.closed_loop import drive as drive_scenario
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lab.studies.contenders import EVERYTHING, STUDY_CONTENDERS
-from kmpc_lab.studies.drive import DriveResult, Trace, counted
+from kmpc_lab.studies.drive import DriveResult, counted
 from kmpc_lab.studies.table import AT_LEAST, DRIVES, GAP, SECONDS, STOPPED
 from kmpc_lab.studies.training import DT, EPISODES, STEPS, TRAINING_SEED, train
 from kmpc_lite.learn.calibration import with_quantiles
@@ -24,7 +25,6 @@ from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputH
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.world import world_of
 
 SETTLE = 1.0
 """How long a robot must stay within the tolerances for a drive to end [s]."""
@@ -151,15 +151,7 @@ def result_of(run: Run) -> DriveResult:
         clearance=run.clearance,
         fastest=float(np.abs(run.inputs[:, 0]).max()),
         ended=str(run.info.get("ended", run.outcome.value)),
-        trace=Trace(
-            run.states,
-            run.inputs,
-            run.statuses,
-            np.array(run.scenario.goal),
-            problem.footprint or problem.robot_radius,
-            [world_of(run.scenario)],
-            run.dt,
-        ),
+        trace=trace_of(run),
         **counted(run.inputs / full, run.statuses, run.step_times),
     )
 

@@ -5,17 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from textwrap import fill
-from typing import Any
 
-import numpy as np
-
-from kmpc_lab.studies.drive import DriveResult, Trace
+from kmpc_lab.report.picture import drive_picture
+from kmpc_lab.report.style import render, write_picture
+from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.study import Asked, Study, drive_traced
-from kmpc_lite.control import Footprint, Polygon, Wall
-from kmpc_lite.scenario.world import World
-
-COLOURS = {"SOLVED": "tab:green", "FEASIBLE": "gold", "FALLBACK": "tab:orange", "STOPPED": "red"}
-UNITS = "m/s", "m/s", "rad/s"
 
 
 def badness(row: DriveResult) -> tuple[bool, bool, float]:
@@ -31,67 +25,5 @@ def draw_worst(study: Study, rows: Mapping[Asked, DriveResult], path: Path) -> N
     course = f"{study.name}: {', '.join(row.axes)}, {study.course} {row.seed}"
     ended = "touched" if row.collided else "in pose" if row.arrived else fill(row.ended, 100)
     figures = f"{row.seconds:.1f} s, ideal {row.ideal_seconds:.1f} s"
-    draw(row.trace, f"{course}\n{ended}; {figures}, least gap {row.clearance:.3f} m", path)
-
-
-def draw(trace: Trace, title: str, path: Path) -> None:
-    """Draw a drive over its commands, into a PNG."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, (axes, lower) = pyplot.subplots(2, 1, figsize=(8, 11), height_ratios=(4, 1))
-    for thing in trace.around:
-        _draw_thing(axes, thing)
-    for k in range(0, len(trace.poses), max(len(trace.poses) // 30, 1)):
-        _draw_body(axes, trace.body, trace.poses[k], "tab:blue")
-    _draw_body(axes, trace.body, trace.goal, "tab:red")
-    for status, colour in COLOURS.items():
-        at = [k for k, found in enumerate(trace.statuses) if found == status]
-        label = f"{status} {len(at)}"
-        axes.scatter(*trace.poses[at, :2].T, s=8, color=colour, label=label, zorder=3)
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    axes.legend(loc="upper left", fontsize=8)
-    axes.set_title(title, fontsize=9)
-    times = trace.dt * np.arange(len(trace.commands))
-    columns = trace.commands.T
-    names = ("v", "omega") if len(columns) == 2 else ("v_x", "v_y", "omega")
-    for name, unit, column in zip(names, UNITS[-len(names) :], columns, strict=True):
-        lower.step(times, column, where="post", label=f"{name} [{unit}]", lw=0.8)
-    lower.legend(fontsize=8)
-    lower.set_xlabel("time [s]")
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    pyplot.close(figure)
-
-
-def _draw_thing(axes: Any, thing: Any) -> None:
-    """Draw an obstacle, or a world of them."""
-    from matplotlib import patches
-
-    if isinstance(thing, World):
-        for x, y, radius in thing.circles[:, :3].tolist():
-            axes.add_patch(patches.Circle((x, y), radius, color="gray", alpha=0.5, lw=0))
-        for x1, y1, x2, y2 in thing.edges.tolist():
-            axes.plot((x1, x2), (y1, y2), color="black", lw=1.0)
-    elif isinstance(thing, Polygon):
-        axes.add_patch(patches.Polygon(thing.vertices, color="gray", alpha=0.5, lw=0))
-    elif isinstance(thing, Wall):
-        axes.plot((thing.x1, thing.x2), (thing.y1, thing.y2), color="black", lw=1.0)
-    else:
-        _draw_thing(axes, World([tuple(thing)]))
-
-
-def _draw_body(axes: Any, body: Footprint | float, pose: Any, colour: str) -> None:
-    """Draw what a robot covers at a pose (3,), and its nose."""
-    from matplotlib import patches
-
-    if isinstance(body, Footprint):
-        shape: Any = patches.Polygon(body.at(pose), fill=False, color=colour, alpha=0.4)
-        size = body.radius
-    else:
-        shape, size = patches.Circle(pose[:2], body, fill=False, color=colour, alpha=0.4), body
-    axes.add_patch(shape)
-    ahead = pose[:2] + size * np.array((np.cos(pose[2]), np.sin(pose[2])))
-    axes.plot(*np.transpose((pose[:2], ahead)), color=colour, alpha=0.4, lw=0.8)
+    title = f"{course}\n{ended}; {figures}, least gap {row.clearance:.3f} m"
+    write_picture(path, render(drive_picture({"": row.trace}, title), "png"))

@@ -42,7 +42,7 @@ def test_demo_with_a_log_of_ones_own(
 ) -> None:
     pages: list[Path] = []
     monkeypatch.setattr(
-        "kmpc_lab.report.write_report", lambda page, run, **more: pages.append(page)
+        "kmpc_lab.report.html.write_report", lambda page, run, **more: pages.append(page)
     )
     assert cli.main(["demo", "--log", str(made / "drive.csv"), "-o", "mine"]) == 0
     out = capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""`kmpc report`: a page or pictures of a run that was kept."""
+"""`kmpc report`: a page or a picture of a run that was kept."""
 
 import json
 import re
@@ -24,14 +24,10 @@ def test_report_of_a_run_and_of_its_model(
 
 
 @NEEDS_PICTURES
-def test_report_as_pictures(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["report", str(made / "run.npz"), "--pictures", "figures"]) == 0
-    told = [line.split()[-1] for line in capsys.readouterr().out.splitlines()]
-    assert told and sorted(told) == sorted(
-        str(Path("figures") / p.name) for p in (here / "figures").iterdir()
-    )
-    for name in told:
-        assert Path(name).read_bytes().startswith(b"\x89PNG")
+def test_report_as_a_picture(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["report", str(made / "run.npz"), "--picture", "run.png"]) == 0
+    assert capsys.readouterr().out.split() == ["wrote", "run.png"] and files(here) == ["run.png"]
+    assert Path("run.png").read_bytes().startswith(b"\x89PNG")
 
 
 @NEEDS_PICTURES
@@ -39,7 +35,7 @@ def test_report_as_pictures(made: Path, here: Path, capsys: pytest.CaptureFixtur
     "line",
     [
         "report {made}/run.npz -o no/folder/run.html",
-        "report {made}/run.npz --pictures {made}/drive.csv",
+        "report {made}/run.npz --picture no/folder/run.png",
     ],
 )
 def test_a_report_that_cannot_be_written_is_reported_in_one_line(

@@ -32,8 +32,8 @@ def test_each_option_changes_the_drive_as_its_name_says(
     change = np.abs(np.diff(smooth.inputs, axis=0)).max(axis=0) / smooth.dt
     assert (change <= (0.3 + 1e-6, 1.2 + 1e-6)).all()
     capsys.readouterr()
-    assert main("report usual.npz --beside wide.npz close.npz --pictures p".split()) == 0
-    assert (tmp_path / "p" / "beside.png").stat().st_size > 10_000
+    assert main("report usual.npz --beside wide.npz close.npz --picture p.png".split()) == 0
+    assert (tmp_path / "p.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("command", ["simulate", "run --driver mavlink --link tcp:127.0.0.1:1"])

@@ -1,14 +1,14 @@
 """Pictures of runs of every kind: whole, to scale, and in agreement with the run."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from report_page import FIT, LIMITS, some
+from report_page import LIMITS, some
 
 import kmpc_lite as kl
-from kmpc_lab.report import commands_picture, map_picture, write_pictures
+from kmpc_lab import draw_drives
+from kmpc_lab.report.picture import drive_picture
+from kmpc_lab.report.runs import limits, trace_of
 
 
 @pytest.mark.parametrize(
@@ -16,29 +16,21 @@ from kmpc_lab.report import commands_picture, map_picture, write_pictures
     some(["reached", "corridor"], ["blind", "moving", "empty", "single", "timeout", "collision"]),
 )
 def test_pictures_are_whole(runs, name, tmp_path):
-    written = write_pictures(
-        tmp_path / "new" / "folder", runs[name], FIT if name == "reached" else None, **LIMITS
-    )
-    names = ["map.png", "commands.png", "errors.png", "timing.png"] + (
-        ["fit.png"] if name == "reached" else []
-    )
-    assert [file.name for file in written] == names and sorted(
-        p.name for p in written[0].parent.iterdir()
-    ) == sorted(names)
-    for file in written:
-        pixels = imread(file)[..., :3]
-        assert pixels.shape[1] == 810 and pixels.shape[0] > 250
-        assert 0.02 < np.mean(pixels.min(axis=2) < 0.9) < 0.9
-        # nothing runs over the edge: title, ticks and legend are all inside
-        for edge in (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]):
-            assert (edge == 1.0).all(), f"{file.name} is cut off"
+    file = tmp_path / "drive.png"
+    draw_drives(file, {name: runs[name]})
+    pixels = imread(file)[..., :3]
+    assert pixels.shape[1] == 810 and pixels.shape[0] > 250
+    assert 0.02 < np.mean(pixels.min(axis=2) < 0.9) < 0.9
+    # nothing runs over the edge: title, ticks and legend are all inside
+    for edge in (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]):
+        assert (edge == 1.0).all()
 
 
-def test_the_map_is_to_scale_and_shows_where_the_robot_hit(runs):
+def test_the_map_is_to_scale_and_shows_where_the_robot_ended(runs):
     from matplotlib.patches import Circle
 
     run = runs["collision"]
-    figure = map_picture(run)
+    figure = drive_picture({"": trace_of(run)}, "")
     figure.draw_without_rendering()
     axes = figure.axes[0]
     origin, east, north = axes.transData.transform([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
@@ -52,36 +44,19 @@ def test_the_map_is_to_scale_and_shows_where_the_robot_hit(runs):
     # 0.29 m between the edges at 0.5 m/s: contact at 0.58 s, seen at the next sub-sample, 0.6 s
     assert run.duration == pytest.approx(0.6)
     assert (0.3, 0.0, 0.15) in discs
-    crosses = [line for line in axes.lines if line.get_marker() == "X"]
-    assert [tuple(line.get_xydata()[0]) for line in crosses] == [pytest.approx((0.44, 0.0))]
-    assert axes.get_title(loc="left").startswith("Collision after 0.6 s")
-    assert not [
-        line for line in map_picture(runs["reached"]).axes[0].lines if line.get_marker() == "X"
-    ]
 
 
 def test_commands_are_drawn_with_limits_and_statuses(runs):
     run = runs["blind"]
-    speed, turn = commands_picture(run, **LIMITS).axes
-    for panel, column in ((speed, 0), (turn, 1)):
-        levels = {
-            round(float(line.get_ydata()[0]), 9)
-            for line in panel.lines
-            if line.get_linestyle() == "--"
-        }
+    figure = drive_picture({"": trace_of(run, **LIMITS)}, "")
+    for panel, column in zip(figure.axes[1:3], (0, 1), strict=True):
+        lines = [line for line in panel.lines if line.get_linestyle() == ":"]
+        levels = {round(float(line.get_ydata()[0]), 9) for line in lines}
         assert levels == {round(LIMITS["u_min"][column], 9), round(LIMITS["u_max"][column], 9)}
         steps = next(patch for patch in panel.patches if hasattr(patch, "get_data"))
         np.testing.assert_array_equal(steps.get_data().values, run.inputs[:, column])
-    texts = [t.get_text() for t in speed.figure.legends[0].get_texts()]
+    texts = [t.get_text() for t in figure.legends[0].get_texts()]
     assert f"rest of the last good plan ({run.statuses.count('FALLBACK')})" in texts
     assert f"no usable plan, braking ({run.statuses.count('STOPPED')})" in texts
-    kept = commands_picture(replace(run, info={"u_min": [-1.0, -2.0], "u_max": [1.0, 2.0]})).axes[1]
-    assert {float(line.get_ydata()[0]) for line in kept.lines if line.get_linestyle() == "--"} == {
-        -2.0,
-        2.0,
-    }
-    assert not [
-        line for line in commands_picture(run).axes[0].lines if line.get_linestyle() == "--"
-    ]
     with pytest.raises(kl.KmpcError, match="u_max: expected two numbers"):
-        commands_picture(run, (-1.0, -1.0), (1.0,))
+        limits(run, (-1.0, -1.0), (1.0,))

@@ -15,9 +15,8 @@ from browser import Browser, Page, needs_browser
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.encoder import DriveEncoder
 from firmware_bridge.recording.drive.records import Ended, Gate, PoseSeen, Sent, Stepped
-from kmpc_lab import Run
+from kmpc_lab import Run, write_report
 from kmpc_lab.recording.drive_file import load_drive
-from kmpc_lab.report import write_report
 from kmpc_lab.report.events import APART, events_of
 from kmpc_lab.report.player import BUDGET, player_data
 from kmpc_lite.scenario.files import Scenario
@@ -152,7 +151,7 @@ def test_screen_readers_are_reported_what_is_what(browser: Browser, file: Path) 
 
 
 def test_the_numbers_are_those_of_the_run(run: Run) -> None:
-    data = json.loads(player_data(run, None, None))
+    data = json.loads(player_data(run, None, None, {}))
     details = run.details
     assert details is not None
     for name, kind, values in (
@@ -194,7 +193,7 @@ def test_a_day_fits_into_a_page(run: Run) -> None:
         reasons=details.reasons * many,
         scans=tuple((0.1 * k, kl.LaserScan(np.ones(360), 0.0, 0.01, 4.0)) for k in range(many)),
     )
-    text = player_data(replace(run, details=long), None, None)
+    text = player_data(replace(run, details=long), None, None, {})
     assert len(text) < BUDGET and json.loads(text)["every"] > 10
 
 

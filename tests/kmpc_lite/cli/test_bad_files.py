@@ -122,7 +122,7 @@ def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(
     (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
     assert cli.main(["fit", "run.csv", "-o", "robot.npz", "-v"]) == 0
     warned = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warn ")]
-    monkeypatch.setattr("kmpc_lab.report.write_report", lambda page, run, **more: None)
+    monkeypatch.setattr("kmpc_lab.report.html.write_report", lambda page, run, **more: None)
     assert cli.main(["demo", "--log", "run.csv"]) == 2
     told, why = capsys.readouterr()
     assert warned and all(f"   {line}" in told.splitlines() for line in warned)

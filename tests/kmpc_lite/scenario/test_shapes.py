@@ -94,7 +94,11 @@ def test_a_collision_is_found_at_the_sub_sample(map_: dict[str, Any]) -> None:
 
 def test_pictures_show_solids(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    from kmpc_lab.report import map_picture, overlay_picture
+    from matplotlib.collections import PolyCollection
+
+    from kmpc_lab import draw_drives
+    from kmpc_lab.report.picture import drive_picture
+    from kmpc_lab.report.runs import trace_of
 
     field = scenario(
         "polygons = [[[0, -1], [1, -1], [0, 0]]]\nwalls = [[-1, 1, 0, 1.5, 0.1]]\n"
@@ -103,12 +107,13 @@ def test_pictures_show_solids(tmp_path: Path) -> None:
     run = drive(
         kl.Controller(kl.nominal_unicycle(0.1), field.problem()), replace(field, timeout=1.0)
     )
-    axes = map_picture(run).axes[0]
-    shapes = [path.vertices for collection in axes.collections for path in collection.get_paths()]
+    axes = drive_picture({"": trace_of(run)}, "").axes[0]
+    drawn = [it for it in axes.collections if isinstance(it, PolyCollection)]
+    shapes = [path.vertices for collection in drawn for path in collection.get_paths()]
     # a polygon, a wall with round ends, and two rectangles
     assert sorted(len(v) for v in shapes)[:3] == [4, 5, 5] and len(shapes) == 4
     corners = np.concatenate([v for v in shapes if len(v) == 5])
     np.testing.assert_allclose(field.solids.whole.least(corners), 0.0, atol=1e-9)  # type: ignore[union-attr]
-    overlay_picture([run, run], ["a", "a"]).savefig(tmp_path / "overlay.png")
     with pytest.raises(kl.KmpcError, match="another map"):
-        overlay_picture([run, replace(run, scenario=replace(field, walls=()))], ["a", "b"])
+        other = replace(run, scenario=replace(field, walls=()))
+        draw_drives(tmp_path / "two.png", {"a": run, "b": other})
