@@ -149,8 +149,7 @@ class Rehearsal:
     def _compare(self) -> None:
         from kmpc_lite.learn.evaluation import ModelVerdict, compare
 
-        rows = self._rows[:]
-        self._compared = len(rows)
+        self._compared = len(rows := self._rows[:])
         if self.result is not None and self.result.verdict is ModelVerdict.BETTER:
             return  # shown once, beyond noise
         self.result = compare(self._model, _episodes(rows, self._model.dt))
@@ -161,13 +160,14 @@ class Rehearsal:
     def finish(self) -> dict[str, Any]:
         """Compare a last time and remember the result; give it as plain values."""
         from kmpc_lite.files import write_whole
-        from kmpc_lite.learn.evaluation import ModelVerdict
+        from kmpc_lite.learn.evaluation import FEWEST, HORIZON, ModelVerdict
 
         if not self.trouble:
             self._compare()
         result, short = self.result, ModelVerdict.SHORT
         if result is None or result.verdict is short:
-            return {"verdict": short.name, "text": f"the model {short.value}: rehearse again"}
+            again = f"rehearse again, moving for {FEWEST * HORIZON:g} s"
+            return {"verdict": short.name, "text": f"the model {short.value}: {again}"}
         told = {**result.as_dict(), "text": str(result)}
         if result.verdict is ModelVerdict.UNSURE and not self.trouble:
             told["text"] += ": rehearse again, for longer"
