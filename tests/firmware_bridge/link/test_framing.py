@@ -82,6 +82,20 @@ def test_roboclaw_round_trip(address, command, rng):
     assert found == [(command, payload), (78, b"")] and decoder.bad == 0
 
 
+@given(st.binary(min_size=1, max_size=40), st.integers(0, 7), st.data())
+def test_a_frame_with_a_bit_flipped_is_none(payload, bit, data):
+    write, replies = roboclaw_packet(0x80, 37, payload[:1] * WRITES[37]), RoboClawReplies()
+    replies.expect(0x80, 78, 8)
+    for frame, decode in (
+        (vesc_packet(payload), lambda bent: len(payload) in map(len, VescPackets().feed(bent))),
+        (write, lambda bent: 37 in dict(RoboClawPackets(0x80, WRITES).feed(bent))),
+        (roboclaw_reply(0x80, 78, bytes(8)), replies.feed),
+    ):
+        bent = bytearray(frame)
+        bent[data.draw(st.integers(0, len(frame) - 1))] ^= 1 << bit
+        assert not decode(bytes(bent))
+
+
 def test_roboclaw_reply_for_another_command_or_address_is_no_answer():
     replies = RoboClawReplies()
     replies.expect(0x80, 78, 8)

@@ -51,6 +51,7 @@ def scaled_problem(scale: Scale, **given: object) -> kl.NavigationProblem:
         margin=problem.margin * scale.length,
         deceleration=problem.deceleration * scale.acceleration,
         du_max=problem.du_max * scale.acceleration,
+        sensor_range=problem.sensor_range and problem.sensor_range * scale.length,
     )
 
 
@@ -96,10 +97,10 @@ def test_other_scales_give_the_same_drive(learned: kl.KoopmanModel, length: floa
     np.testing.assert_allclose(drive(learned, Scale(length, speed), True), unit, atol=1e-6)
 
 
-def test_limits_on_changes_scale_too(learned: kl.KoopmanModel) -> None:
-    limits = {"du_max": (1.0, 4.0)}
+def test_limits_scale_too(learned: kl.KoopmanModel) -> None:
+    limits = {"du_max": (1.0, 4.0), "deceleration": (0.7, 3.0), "sensor_range": 0.9}
     unit = drive(learned, Scale(), False, **limits)
-    np.testing.assert_array_equal(drive(learned, Scale(4.0, 2.0), False, **limits), unit)
+    np.testing.assert_array_equal(drive(learned, Scale(4.0, 1.0), False, **limits), unit)
 
 
 FAR = 8e3

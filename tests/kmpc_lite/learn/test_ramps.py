@@ -13,7 +13,7 @@ from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
 from kmpc_lite.learn.learning import learn
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import ReadOptions
-from kmpc_lite.learn.ramps import find_ramps, let_through, shown_changes
+from kmpc_lite.learn.ramps import find_ramps, shown_changes
 from kmpc_lite.model.info import check_info
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import Array
@@ -80,21 +80,6 @@ def test_ramps_of_more_than_ten_seconds_are_found() -> None:
 @pytest.mark.parametrize("lag", [0.02, 0.3, 0.5])
 def test_a_lag_is_no_ramp(lag: float) -> None:
     assert not find_ramps(drive_by_hand(NONE, lag)).limit
-
-
-def test_what_ramps_let_through_is_what_the_robot_was_asked_for() -> None:
-    told = np.zeros((60, 2))
-    told[5:35, 0], told[35:, 0] = 0.4, -0.4
-    log = Dataset([Episode(np.zeros((61, 3)), told, DT)])
-    (passed,) = let_through(log, RAMPS).episodes
-    speed = passed.inputs[:, 0]
-    # up to 0.4 m/s within a second, down to zero within half of one, and on the other way: the
-    # commands of a controller that asks for no faster changes
-    np.testing.assert_allclose(speed[5:15], 0.04 * np.arange(1, 11))
-    np.testing.assert_allclose(speed[15:35], 0.4)
-    np.testing.assert_allclose(speed[35:40], 0.4 - 0.08 * np.arange(1, 6), atol=1e-12)
-    np.testing.assert_allclose(speed[40:50], -0.04 * np.arange(1, 11))
-    assert let_through(log, NONE) is log
 
 
 def test_a_model_reports_the_ramps_of_its_robot_and_predicts_it(log: Dataset) -> None:

@@ -181,49 +181,6 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
     np.testing.assert_allclose(np.diff(values), np.diff(definitions), rtol=1e-9, atol=1e-8)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_rows_and_columns_are_each_used_once(shape: tuple[int, int, int]) -> None:
-    qp = NavigationQP(make_problem(shape[0]), shape[1], shape[2])
-    rows = np.concatenate(
-        [
-            part.ravel()
-            for part in (qp.dynamics_rows, qp.half_plane_rows, qp.input_rows, qp.slack_rows)
-        ]
-    )
-    columns = np.concatenate(
-        [part.ravel() for part in (qp.state_columns, qp.input_columns, qp.slack_columns)]
-    )
-    assert sorted(rows) == list(range(qp.row_count))
-    assert sorted(columns) == list(range(qp.size))
-    assert qp.A.shape == (qp.row_count, qp.size)
-    assert qp.P.shape == (qp.size, qp.size)
-    assert qp.q.shape == (qp.size,)
-    assert qp.lower.shape == qp.upper.shape == (qp.row_count,)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_pattern_is_kept_and_filled_in_place(shape: tuple[int, int, int]) -> None:
-    random = np.random.default_rng(0)
-    _, qp, numbers = filled(shape, random)
-    data, indices, pointers = qp.A.data, qp.A.indices.copy(), qp.A.indptr.copy()
-    generic = set(zip(*qp.A.nonzero(), strict=True))
-    zeros = Numbers(
-        Linearization(*(np.zeros_like(part) for part in numbers.lin)),
-        *(np.zeros_like(part) for part in numbers[1:]),
-    )
-    write(qp, zeros)
-    assert qp.A.data is data
-    np.testing.assert_array_equal(qp.A.indices, indices)
-    np.testing.assert_array_equal(qp.A.indptr, pointers)
-    assert len(data) == len(
-        generic
-    )  # every stored entry was nonzero once: no room wasted, no entry stored twice
-    assert np.count_nonzero(data) < len(data)  # and now there are explicit zeros
-    assert qp.A.has_sorted_indices
-    assert sparse.isspmatrix_csc(qp.A) and sparse.isspmatrix_csc(qp.P)
-    assert sparse.tril(qp.P, -1).nnz == 0
-
-
 def test_half_planes_that_are_not_in_use_are_finite_and_never_bind() -> None:
     qp = NavigationQP(make_problem(4), 0, 3)
     numbers = draw(np.random.default_rng(1), 4, 0, 3)
@@ -232,30 +189,6 @@ def test_half_planes_that_are_not_in_use_are_finite_and_never_bind() -> None:
     assert np.isfinite(qp.lower[qp.half_plane_rows]).all()
     assert (qp.lower[qp.half_plane_rows] <= -100.0).all()
     assert not qp.A.toarray()[qp.half_plane_rows.ravel()][:, : qp.slack_columns[0]].any()
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_pack_and_unpack_are_inverse(shape: tuple[int, int, int]) -> None:
-    random = np.random.default_rng(2)
-    _, qp, numbers = filled(shape, random)
-    point = random_point(random, numbers)
-    v = pack(*point)
-    assert len(np.unique(v)) == qp.size
-    for back, there in zip(qp.unpack(v, numbers.x[0]), point[:2], strict=True):
-        np.testing.assert_allclose(back, there, atol=1e-12)
-        assert not np.shares_memory(back, v)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_multipliers_move_one_stage_on(shape: tuple[int, int, int]) -> None:
-    qp = NavigationQP(make_problem(shape[0]), shape[1], shape[2])
-    y = np.random.default_rng(3).normal(size=qp.row_count)
-    before = y.copy()
-    shifted = qp.shift_duals(y)
-    np.testing.assert_array_equal(y, before)
-    for rows in (qp.dynamics_rows, qp.half_plane_rows, qp.input_rows, qp.slack_rows):
-        np.testing.assert_array_equal(shifted[rows][:-1], y[rows][1:])
-        np.testing.assert_array_equal(shifted[rows][-1], y[rows][-1])
 
 
 @pytest.mark.parametrize("du_max", [(1.0, 4.0), (np.inf, 2.0), (0.5, np.inf)])

@@ -1,7 +1,5 @@
 """Standing still at the goal, and getting there from anywhere nearby with any heading."""
 
-from dataclasses import asdict, replace
-
 import numpy as np
 import pytest
 from guided import GuidedController
@@ -11,27 +9,13 @@ import kmpc_lite as kl
 from kmpc_lab.peers.paper import AREA
 from kmpc_lab.sim.plants.lag import LaggingDrive
 from kmpc_lite.control.options import GoalOptions, lengths_from_radii
-from kmpc_lite.control.path import goal_checker
-from kmpc_lite.control.path.goal_checker import (
-    GoalCheckerState,
-    GoalTolerances,
-    content_with,
-    goal_tolerances,
-    holds,
-    widened,
-)
-from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.control.path.goal_checker import GoalCheckerState, goal_tolerances, holds
 
 OPTIONS = lengths_from_radii(GoalOptions(), 0.15)
 QUIET = goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS)
 ENTER = QUIET.enter_distance, QUIET.enter_angle
 LEAVE = QUIET.leave_distance, QUIET.leave_angle
 PUSHED = QUIET.pushed_distance, QUIET.pushed_angle
-
-
-def sizes(tolerances: GoalTolerances) -> dict[str, float]:
-    """Distances [m] and angles [rad] by their names."""
-    return {name: value for name, value in asdict(tolerances).items() if name != "averaging"}
 
 
 class Goal:
@@ -78,64 +62,6 @@ def test_noise_of_the_pose_does_not_end_it() -> None:
     assert all(goal.holds(random.normal(size=3) * (0.005, 0.005, 0.02)) for _ in range(1000))
 
 
-def noisy(metres: float, radians: float) -> kl.KoopmanModel:
-    """Nominal robot that has learned of such noise in its poses; a residual has that of two."""
-    at_rest = 2.0 * np.diag([metres**2, metres**2, radians**2])
-    return replace(
-        kl.nominal_unicycle(0.1),
-        noise_model=NoiseModel(np.stack([at_rest, 0.01 * np.eye(3), 0.01 * np.eye(3)])),
-    )
-
-
-def test_quiet_poses_leave_the_tolerances_as_they_are() -> None:
-    quiet = 0.99 * goal_checker.QUIET[0], 0.99 * goal_checker.QUIET[1]
-    assert goal_tolerances(noisy(0.005, 0.02), OPTIONS) == QUIET
-    assert goal_tolerances(noisy(*quiet), OPTIONS) == QUIET
-    limit = 1.001 * goal_checker.QUIET[0], 1.001 * goal_checker.QUIET[1]
-    at_the_limit = goal_tolerances(noisy(*limit), OPTIONS)
-    assert at_the_limit != QUIET
-    assert at_the_limit.turn_limit == pytest.approx(QUIET.turn_limit, abs=1e-4)
-    assert at_the_limit.enter_angle == pytest.approx(QUIET.enter_angle, abs=1e-4)
-
-
-def test_the_papers_robot_parks_within_these_tolerances() -> None:
-    """Each default, so that none changes unseen: distances [cm], angles [mrad]."""
-    found = {
-        name: round(1e3 * value if name.endswith("angle") else 1e2 * value, 3)
-        for name, value in sizes(QUIET).items()
-    }
-    assert found == {
-        "turn_distance": 1.2,
-        "turn_limit": 1.5,
-        "enter_distance": 1.35,
-        "enter_angle": 25.0,
-        "leave_distance": 1.5,
-        "leave_angle": 50.0,
-        "pushed_distance": 5.0,
-        "pushed_angle": 150.0,
-        "off_path": 1.0,
-    }
-
-
-def test_a_tolerance_that_is_asked_for_moves_all_that_is_decided_near_the_goal() -> None:
-    wide = sizes(goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, np.array([0.06, 0.2])))
-    assert {name: round(value, 4) for name, value in wide.items()} == {
-        "turn_distance": 0.048,
-        "turn_limit": 0.06,
-        "enter_distance": 0.054,
-        "enter_angle": 0.1,
-        "leave_distance": 0.06,
-        "leave_angle": 0.2,
-        "pushed_distance": 0.09,
-        "pushed_angle": 0.3,
-        "off_path": 0.01,
-    }
-    usual = np.array([0.1 * 0.15, 0.05])
-    assert goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, usual) == QUIET
-    near = goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, np.array([0.003, 0.01]))
-    assert near.pushed_distance == QUIET.pushed_distance and near.enter_distance < 0.003
-
-
 def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None:
     """With noisy poses and a model that knows of neither: steps until it has held for a second."""
 
@@ -173,17 +99,6 @@ def until_held(
     return most, plan, float(np.hypot(*(x - goal)[:2]))
 
 
-def test_a_robot_stalled_four_times_is_content_with_twice_and_later_with_five_times() -> None:
-    factors = [
-        content_with(QUIET, stalls).leave_distance / QUIET.leave_distance for stalls in range(10)
-    ]
-    np.testing.assert_allclose(factors, [1, 1, 1, 1, 2, 3, 4, 5, 5, 5])
-    assert content_with(QUIET, 3) is QUIET
-    wide = widened(QUIET, 4, 4)
-    assert wide.pushed_distance == pytest.approx(1.5 * wide.leave_distance)
-    assert wide.enter_angle < wide.leave_angle < wide.pushed_angle
-
-
 def test_what_cannot_be_reached_more_closely_is_held_and_reported() -> None:
     """A robot whose poses are noisier than its model knows, and that lags, comes to an end."""
     problem = kl.NavigationProblem(**AREA, du_max=(1.0, 4.0))
@@ -191,23 +106,6 @@ def test_what_cannot_be_reached_more_closely_is_held_and_reported() -> None:
     # over seeds of the noise 2 to 22 it came to an end after 651 to 1,241 steps
     step, _, away = until_held(problem, 0.15, noise, 20, 1500, because)
     assert step < 1500 and away < 0.06
-
-
-def test_tolerances_grow_with_the_robot() -> None:
-    twice = goal_tolerances(kl.nominal_unicycle(0.1), lengths_from_radii(GoalOptions(), 0.3))
-    assert twice.enter_distance == pytest.approx(2.0 * QUIET.enter_distance)
-    assert twice.enter_angle == QUIET.enter_angle
-
-
-def test_noise_widens_the_tolerances_so_far_that_it_does_not_end_a_hold() -> None:
-    random, goal = np.random.default_rng(0), Goal()
-    errors = random.normal(size=(1000, 3)) * (0.02, 0.02, 0.08)
-    goal.holds(np.zeros(3))
-    assert not all(goal.holds(error) for error in errors)
-    wide = Goal(noisy(0.02, 0.08))
-    assert wide.holds(np.zeros(3)) and all(wide.holds(error) for error in errors)
-    # what is far for that noise still ends it
-    assert not wide.holds(np.array([0.15, 0.0, 0.0]))
 
 
 def park(

@@ -10,8 +10,6 @@ from wary import slipping
 import kmpc_lab as lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels import library
-from kmpc_lite.control.kernels import safe_motion as kernel
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
@@ -226,27 +224,6 @@ def test_a_pedestrian_that_may_turn_is_not_driven_towards(unsure: float) -> None
     assert driven(0.12) <= (0.6 if unsure == 0.0 else driven(0.12 + 0.1 * unsure))
 
 
-def test_brakes_end_at_zero_and_keep_to_the_curve_or_to_the_plan() -> None:
-    first, step = np.array([(0.6, 0.3), (-0.2, 0.0), (0.0, 0.0)]), np.array((0.1, 0.4))
-    inputs = np.tile((0.6, 0.0), (20, 1))
-    inputs[2:, 1] = 0.6
-    straight = kernel.straight_brakes(first, step, 6)
-    along = kernel.brakes_along(first, inputs, step, 6)
-    for brakes in (straight, along):
-        assert brakes.shape == (3, 6, 2) and not brakes[:, -1].any() and not brakes[2].any()
-        sizes = np.abs(np.concatenate([first[:, None], brakes], axis=1) / step).max(axis=2)
-        assert (np.diff(sizes, axis=1) <= 1e-12).all()
-    np.testing.assert_allclose(straight[0, :, 1], 0.5 * straight[0, :, 0], atol=1e-12)
-    assert along[0, 0, 1] < straight[0, 0, 1] and along[0, 4, 1] > straight[0, 4, 1]
-
-
-@pytest.mark.parametrize("turn", [0.5, -0.5, 0.0])
-def test_samples_lie_on_the_arc_of_a_period(turn: float) -> None:
-    end = lab.DifferentialDrive().trace(np.zeros(3), np.array((0.6, turn)), 0.1, 4)
-    states = np.stack([np.zeros(3), end[-1]])[None]
-    np.testing.assert_allclose(library.samples(states, 4)[0], end, atol=2e-6)
-
-
 def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     model, margins = NOMINAL, Margins(NOMINAL, PROBLEM)
     beside, inputs = Surroundings(rows((0.0, 0.39, 0.2))), np.tile((0.6, 0.0), (20, 1))
@@ -259,12 +236,3 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
         margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
     task = task._replace(felt=margins.felt(state))
     assert motions.find(states, inputs, task).inputs[0, 0] < 0.4
-
-
-def test_what_may_come_out_of_the_unknown_comes_nearer_until_the_robot_stands() -> None:
-    wall = Solids([kl.Wall(1.0, -1.0, 1.0, 1.0)]).whole
-    around = Surroundings(NOTHING, unknown=wall, emerging_speed=0.5)
-    points, times = np.zeros((1, 3, 1, 2)), np.array([0.0, 0.4, 1.0])
-    found = around.clearance(points, times, np.zeros((1, 2)))
-    np.testing.assert_allclose(found[0, :, 0, 0], [1.0, 0.8, 0.5])
-    assert around.fastest() == 0.5 and not around.may_turn.any() and len(around.may_turn) == 1

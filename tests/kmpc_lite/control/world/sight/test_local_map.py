@@ -1,18 +1,13 @@
 """The local map: what scans mark, clear, and leave unknown."""
 
-import time
-
 import numpy as np
 import pytest
-from reference.scans import see_through
 from seen_maps import hit_boxes
 
 import kmpc_lite as kl
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
-from kmpc_lite.control.world.sight.rays import Rays
 from kmpc_lite.control.world.sight.sight import Sight
-from kmpc_lite.control.world.sight.view import View
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -49,34 +44,6 @@ def test_what_rays_pass_is_free_what_they_hit_is_occupied_and_the_rest_unknown()
     assert state_at(seen, 0.5, 0.3) == 0
     assert state_at(seen, 1.001, 0.0) > 0
     assert state_at(seen, 1.3, 0.0) == UNKNOWN
-
-
-def test_a_place_was_free_until_something_was_seen_before_it() -> None:
-    s = sight()
-    seen = look(s, None, ROUND)
-    for reach in (0.9, 0.8, 0.7):
-        seen = look(s, seen, np.full(BEAMS, reach))
-    cells, _ = seen.cells_of(np.array([[0.6, 0.0], [0.801, 0.0], [0.901, 0.0], [1.001, 0.0]]))
-    # what was hit when the map began may have stood there for ever
-    assert seen.was_free(cells, 0.25).tolist() == [True, True, True, False]
-    assert seen.was_free(cells, 0.15).tolist() == [True, True, False, False]
-
-
-@pytest.mark.parametrize("tip", [0, 1])
-def test_all_hits_in_one_cell_count(tip: int) -> None:
-    """A corner between them may stand farther out than any one of them."""
-    s, ranges = sight(), np.full(BEAMS, np.inf)
-    beams = BEAMS // 2 + np.array([1, 2])
-    ranges[beams] = 1.04
-    ranges[beams[tip]] = 1.01
-    seen = look(s, None, ranges)
-    cells = np.flatnonzero(seen.state > 0)
-    assert len(cells) == 1
-    told = scan(ranges)
-    hits = told.ends[told.hits]
-    low, high = hit_boxes(seen)
-    np.testing.assert_allclose(low[0], hits.min(axis=0), atol=1e-6)
-    np.testing.assert_allclose(high[0], hits.max(axis=0), atol=1e-6)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.3, -0.3])
@@ -141,36 +108,3 @@ def test_scans_of_the_past_are_seen_from_where_the_robot_was_then() -> None:
     assert seen is not None
     x = np.sort(hit_boxes(seen)[0][:, 0])
     np.testing.assert_allclose(x, [1.0, 1.1], atol=1e-6)
-
-
-def test_what_stands_beside_a_path_of_any_length_is_found_in_time() -> None:
-    s = sight()
-    seen = look(s, None, np.full(360, 1.0))
-    hit = np.array([[0.95, 0.0]])
-    # ten thousand kilometres in steps of half a metre, past the hit
-    path = np.stack([np.zeros(20_000), 500.0 * np.arange(20_000)], axis=1)
-    begun = time.process_time()
-    assert not View(s, seen, np.zeros(3)).blocks(path + [3.0, 20.0], 0.2)
-    assert View(s, seen, np.zeros(3)).blocks(np.concatenate([path + [3.0, 20.0], hit]), 0.2)
-    assert time.process_time() - begun < 0.4
-
-
-@pytest.mark.parametrize("turn", [0.0, 2.5])
-@pytest.mark.parametrize("old", [False, True])
-def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: bool) -> None:
-    random, cell = np.random.default_rng(4), 0.05
-    for _ in range(20):
-        ranges = random.uniform(0.2, 4.0, 40)
-        one = kl.LaserScan(ranges, -0.5, 0.02, 4.0, mount=(0.2, 0.1, turn))
-        poses = np.array([1.0, 2.0, random.uniform(-3.0, 3.0)])
-        if old:
-            poses = poses + np.linspace(-0.1, 0.0, len(ranges))[:, None] * (1.0, 1.0, 0.5)
-        rays = Rays(one, poses, cell)
-        state, none = np.full((200, 200), UNKNOWN, dtype=np.int8), np.zeros((200, 200, 5))
-        cells = state, none[..., 0].astype(np.float32), none[..., 1:].astype(np.float32)
-        window, place = (0, 200, 0, 200), (cell, -80, -60)
-        see_through(*cells, window, place, rays.origin, rays.turn, rays.squares, 1.0, False)
-        row, column = np.nonzero(state == 0)
-        passed = cell * (np.stack([column, row], axis=1) + np.array([-79.5, -59.5]))
-        assert len(passed)
-        assert ((passed > rays.low) & (passed < rays.high)).all()
