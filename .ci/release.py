@@ -6,11 +6,16 @@ builds.
 
 from __future__ import annotations
 
+import gzip
+import io
+import os
 import re
 import subprocess
 import sys
+import tarfile
 import tempfile
 from pathlib import Path
+from shutil import which
 
 ROOT = Path(__file__).parents[1]
 PLACES = {
@@ -25,6 +30,7 @@ PLACES = {
 VERSION = re.compile(r"\d+\.\d+\.\d+(\.dev\d+)?")
 RELEASE = re.compile(r"^## \[(\d+\.\d+\.\d+)\] - \d{4}-\d{2}-\d{2}$", re.MULTILINE)
 LINK = re.compile(r"\]\((?!https?:|#)(?:\.\./)?([^)\s]+)\)")
+CROSS = "aarch64-linux-gnu-gcc"
 PICTURES = (".gif", ".png", ".svg")
 
 
@@ -62,20 +68,42 @@ def tag() -> None:
 
 
 def build(url: str) -> None:
-    """Build sdists and wheels of both distributions from the present commit, and check them."""
+    """Build sdists and wheels of both distributions from the present commit, and check them.
+
+    The same commit gives the same bytes: times are the commit's, and no folder's name is in them.
+    """
     if not re.fullmatch(r"https://[^/\s]+/\S+[^/\s]", url):
         sys.exit("make dist URL=https://HOST/OWNER/REPOSITORY: links and metadata lead there")
-    now = version()
+    now, seconds = version(), _git("log", "-1", "--format=%ct")
     at = "main" if ".dev" in now else f"v{now}"
+    os.environ.update(SOURCE_DATE_EPOCH=seconds, CFLAGS="-g0")
     with tempfile.TemporaryDirectory() as folder:
         archive = subprocess.run(["git", "archive", "HEAD"], cwd=ROOT, capture_output=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
         for part in (Path(folder), Path(folder) / "lab"):
             _lead_outside(part, url, at)
             _run("-m", "build", "--quiet", "--outdir", str(ROOT / "dist"), str(part))
+        if which(CROSS):  # boards install it without a compiler
+            names = {"CC": CROSS, "LDSHARED": f"{CROSS} -shared"}
+            os.environ.update(names, _PYTHON_HOST_PLATFORM="linux-aarch64")
+            _run("-m", "build", "--quiet", "--wheel", "--outdir", str(ROOT / "dist"), folder)
+    for source in (ROOT / "dist").glob(f"*{now}.tar.gz"):
+        _pack_anew(source, int(seconds))
     built = sorted(map(str, (ROOT / "dist").glob(f"*{now}*")))
     _run("-m", "twine", "check", "--strict", *built)
     sys.stdout.write("\n".join(built) + "\n")
+
+
+def _pack_anew(source: Path, seconds: int) -> None:
+    """Pack an sdist in order, every file of one time and of nobody."""
+    packed = io.BytesIO()
+    with tarfile.open(source) as old, tarfile.open(fileobj=packed, mode="w") as new:
+        for member in sorted(old.getmembers(), key=lambda one: one.name):
+            content = old.extractfile(member) if member.isfile() else None
+            member.mtime, member.uid, member.gid, member.uname, member.gname = seconds, 0, 0, "", ""
+            member.pax_headers = {}
+            new.addfile(member, content)
+    source.write_bytes(gzip.compress(packed.getvalue(), mtime=seconds))
 
 
 def _lead_outside(part: Path, url: str, at: str) -> None:

@@ -1,9 +1,11 @@
 """One version stands everywhere; links of what is published hold outside the repository."""
 
 import importlib.util
+import os
 import shutil
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 
 import pytest
@@ -66,6 +68,20 @@ def test_links_of_what_is_published_are_absolute(release, tmp_path, part) -> Non
     text = (folder / "README.md").read_text()
     assert "](https://example.org/a/b/blob/v7.0.0/" in text and "REPOSITORY" not in text
     assert 'Repository = "https://example.org/a/b"' in (folder / "pyproject.toml").read_text()
+
+
+def test_an_sdist_has_the_same_bytes_whenever_and_by_whomever_it_was_packed(release, tmp_path):
+    source, file, found = tmp_path / "one.tar.gz", tmp_path / "file", []
+    file.write_text("text")
+    for seconds in (1.0e9, 1.1e9):
+        os.utime(file, (seconds, seconds))
+        with tarfile.open(source, "w:gz") as packed:
+            packed.add(file, "part/file")
+        release._pack_anew(source, 1_700_000_000)
+        found.append(source.read_bytes())
+    assert found[0] == found[1]
+    with tarfile.open(source) as packed:
+        assert packed.extractfile("part/file").read() == b"text"
 
 
 @pytest.mark.skipif(shutil.which("shellcheck") is None, reason="no shellcheck on this machine")

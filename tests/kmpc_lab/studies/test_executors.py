@@ -63,16 +63,15 @@ def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with ExitStack() as stack:
         scheduling = ("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         stack.enter_context(running(*scheduling, "--scheduler-file", str(file)))
-        deadline = time.monotonic() + 120.0
-        address = ""
+        deadline, address = time.monotonic() + 120.0, ""
         while not address:
             assert time.monotonic() < deadline, "no scheduler"
             time.sleep(0.1)
             if file.exists() and (text := file.read_text()):
                 address = text.partition('"address": "')[2].partition('"')[0]
-        options = ("--nworkers", "1", "--nthreads", "1", "--no-dashboard", "--no-nanny")
-        folders = ("--local-directory", str(folder))
-        stack.enter_context(running("dask_worker", address, *options, *folders))
+        options = ("--nworkers=1", "--nthreads=1", "--no-dashboard", "--no-nanny")
+        local = f"--local-directory={folder}"
+        stack.enter_context(running("dask_worker", address, *options, local))
         yield address
 
 

@@ -79,21 +79,6 @@ def test_a_track_hidden_for_a_second_is_expected_where_it_comes_out() -> None:
     assert tracker.tracks.moving[0]
 
 
-def test_uncertainty_grows_while_hidden_and_the_track_ends() -> None:
-    tracker = ObstacleTracker(DT, TrackerOptions(coast=0.5))
-    for place in walk(np.zeros(2), np.array([0.8, 0.2]), 15):
-        tracker.follow(rows(place))
-    before = np.linalg.norm(tracker.tracks.covariances[0, :2, :2], 2) ** 0.5
-    for _ in range(4):
-        tracker.follow(np.empty((0, 5)))
-        after = np.linalg.norm(tracker.tracks.covariances[0, :2, :2], 2) ** 0.5
-        assert after > before
-        before = after
-    for _ in range(3):
-        tracker.follow(np.empty((0, 5)))
-    assert len(tracker.tracks) == 0
-
-
 def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
