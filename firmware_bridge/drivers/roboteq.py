@@ -25,7 +25,7 @@ FAULTS = (
     "default configuration loaded at start-up",
 )
 """Bits of `?FF`."""
-LOOP_ERROR, SAFETY_STOP = 0x04, 0x08
+LOOP_ERROR = 0x04
 MOTOR_FLAGS = (
     "amps limit",
     "motor stalled",

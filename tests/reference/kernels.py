@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from kmpc_lite.control.kernels.boxes import away
-from kmpc_lite.control.kernels.clearance import distances, distances_and_directions
+from kmpc_lite.control.kernels.clearance import distances
 from kmpc_lite.control.kernels.following import leg_end, poses_at
 from kmpc_lite.control.kernels.safe_motion import TINY
 from kmpc_lite.control.kernels.tube import tube_margins
 
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5
-LEAST_DISTANCE = 1e-9
+LEAST_DISTANCE, AT_CENTRE = 1e-9, 1e-9
 LEAVES = 0.5
 """A motion leaves a thing if its clearance grows by this share of what is driven."""
 
@@ -49,6 +49,14 @@ def distances_of_motions(things, points, times):
     flat = np.broadcast_to(points, (*shape, 2)).reshape(-1, 2)
     moments = np.broadcast_to(times[:, None], shape).reshape(-1)
     return distances(things, flat, moments).reshape(*shape, -1)
+
+
+def distances_and_directions(things, points, times):
+    away = points[:, None, :] - things[:, :2] - times[:, None, None] * things[:, 3:5]
+    length = np.hypot(away[..., 0], away[..., 1])
+    away[length < AT_CENTRE] = (AT_CENTRE, 0.0)
+    away /= np.maximum(length, AT_CENTRE)[..., None]
+    return distances(things, points, times), away
 
 
 def clearances(keep, states, things, points, gaps, away):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = range(6)
 """MAV_RESULT; an ArduPilot that cannot arm yet answers FAILED."""
-SET_MODE, ARM, PREARM_CHECKS, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL = 176, 400, 401, 512, 511
+SET_MODE, ARM, PREARM_CHECKS, SET_MESSAGE_INTERVAL = 176, 400, 401, 511
 """MAV_CMD"""
 SILENCE = 0.3
 """An acknowledgement that has not come after this long is lost: the command is sent again [s]."""

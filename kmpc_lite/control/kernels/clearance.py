@@ -15,8 +15,6 @@ from kmpc_lite.types import Array
 COLUMNS = 7
 RADIUS, SPREAD_RATE, SPREAD_MAX = 2, 5, 6
 PLACE, VELOCITY, SPREAD = slice(0, 2), slice(3, 5), slice(5, 7)
-AT_CENTRE = 1e-9
-"""Distance from a centre below which there is no direction away from it [m]."""
 
 
 def things_of(circles: Array, spread_rate: Array | float = 0.0, most: float = 0.0) -> Array:
@@ -61,31 +59,8 @@ def distances(things: Array, points: Array, times: Array) -> Array:
     if some_move(things):
         x -= times[:, None] * things[:, 3]
         y -= times[:, None] * things[:, 4]
-    found = np.hypot(x, y, out=x)
+    found: Array = np.hypot(x, y, out=x)
     found -= things[:, RADIUS]
-    return _less_growth(found, things, times)
-
-
-def distances_and_directions(things: Array, points: Array, times: Array) -> tuple[Array, Array]:
-    """Distances (n, M) as of `distances`, and the directions away from each thing, (n, M, 2).
-
-    At a centre the direction is arbitrary.
-    """
-    away = points[:, None, :] - things[:, PLACE]
-    if some_move(things):
-        away -= times[:, None, None] * things[:, VELOCITY]
-    length = np.hypot(away[..., 0], away[..., 1])
-    if np.minimum.reduce(length, axis=None, initial=1.0) < AT_CENTRE:
-        at_centre = length < AT_CENTRE
-        away[at_centre] = (AT_CENTRE, 0.0)
-        length[at_centre] = AT_CENTRE
-    away /= length[..., None]
-    length -= things[:, RADIUS]
-    return _less_growth(length, things, times), away
-
-
-def _less_growth(found: Array, things: Array, times: Array) -> Array:
-    """Take off distances (n, M) by what things have grown at times (n,)."""
     if some_spread(things):
         found -= np.minimum(times[:, None] * things[:, SPREAD_RATE], things[:, SPREAD_MAX])
     return found

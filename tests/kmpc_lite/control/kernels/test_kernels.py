@@ -1,6 +1,5 @@
 """The kernels in C against naive references: on what drives ask, on random and hostile arrays."""
 
-import pickle
 import re
 import shutil
 import subprocess
@@ -300,20 +299,6 @@ def test_c_is_silent_c99_and_float_is_float(tmp_path, precision):
             shown = subprocess.run(["nm", "-u", made], capture_output=True, text=True, check=True)
             called = set(re.findall(r"U (\w+)", shown.stdout))
             assert not called & {"cos", "sin", "tan", "sqrt", "hypot", "fabs"}, path.name
-
-
-def test_controllers_copy():
-    model, around = kl.nominal_unicycle(0.1), [kl.Circle(0.0, 0.1, 0.3)]
-    both = [kl.Controller(model) for _ in range(2)]
-    pose = np.array([-1.2, 0.0, 0.0])
-    for k in range(60):
-        if k == 20:
-            both[0] = pickle.loads(pickle.dumps(both[0]))
-        plans = [controller.step(pose, (1.2, 0.0, 0.0), around) for controller in both]
-        assert plans[0].status is plans[1].status
-        np.testing.assert_array_equal(plans[0].command, plans[1].command)
-        pose = model.predict(pose, plans[1].command)
-    assert np.hypot(*(pose[:2] - (1.2, 0.0))) < 0.1
 
 
 def test_the_driven_model_runs_in_c():
