@@ -1,7 +1,7 @@
 """All rows by their names, in the order of ``rows.toml``: a family a table, a drive a line.
 
-A line names its maker, `makers.on_map` and so on, and gives it arguments. A table with one key
-makes what that names: ``{Wall = [0, -3, 0, -0.3, 0.1]}``.
+A line names its maker, a function of `build`, `places` or `mishaps`, and gives it arguments. A
+table with one key makes what that names: ``{Wall = [0, -3, 0, -0.3, 0.1]}``.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import Any
 import kmpc_lite as kl
 from outcomes import models, sensing
 from outcomes.plant import Body
-from outcomes.rows import makers
+from outcomes.rows import build, mishaps, places, poses
 from outcomes.setup import Row, Setup
 from outcomes.steered import Rollers, Steering
 
 MAKES: dict[str, Callable[..., Any]] = {
     **{one.__name__: one for one in (Body, Steering, Rollers, kl.Wall, kl.Car, kl.Omni)},
     **{one.__name__: one for one in (sensing.Within, sensing.Scanner, sensing.Tracked)},
-    **{one.__name__: one for one in (makers.Path, makers.Jump, makers.Lost, makers.Frozen)},
+    **{one.__name__: one for one in (places.Path, poses.Jump, poses.Lost, poses.Frozen)},
     "Both": lambda **scanner: sensing.Both(sensing.Scanner(**scanner)),
     "Polygon": lambda *corners: kl.Polygon(corners),
     "Footprint": lambda *corners: kl.Footprint(corners),
@@ -30,6 +30,12 @@ MAKES: dict[str, Callable[..., Any]] = {
     "Learned": models.learned_body,
     "Nothing": lambda: None,
     "Options": lambda **changed: kl.ControllerOptions.from_dict(changed),
+}
+MAKERS = {
+    name: one
+    for module in (build, places, mishaps)
+    for name, one in vars(module).items()
+    if getattr(one, "__module__", "") == module.__name__
 }
 
 
@@ -51,7 +57,8 @@ def made(value: Any) -> Any:
 def make(line: Mapping[str, Any], seed: int) -> Setup | None:
     """Make a drive anew: sensors remember."""
     given = {name: made(value) for name, value in line.items()}
-    found: Setup | None = getattr(makers, given.pop("make"))(seed, **given)
+    maker = MAKERS[given.pop("make")]
+    found: Setup | None = maker(seed, **given)
     return found
 
 
