@@ -10,7 +10,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-firmware mutations outcomes budgets coverage check docs format study clean constraints version tag dist
+.PHONY: help demo test test-long test-firmware mutations results outcomes budgets coverage check docs format study clean constraints version tag dist
 
 help:  ## show what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -58,6 +58,9 @@ coverage: $(VENV)/dev  ## the same tests, and which lines none of them runs
 
 test-long: $(VENV)/dev  ## the tests that take minutes
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+results: $(VENV)/dev  ## run the commands above the tables of docs/results again (an hour); ARGS="table1 jumps": those that hold a word
+	@$(BIN)/python .ci/results.py $(ARGS)
 
 mutations: $(VENV)/dev  ## mutate 30 lines (gate, safe motion, margins, CRC, scaling, units, fit): each must turn a test red
 	@$(BIN)/python .ci/mutations.py
