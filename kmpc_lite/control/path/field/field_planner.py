@@ -245,10 +245,8 @@ class FieldPlanner:
         ends = tree.line_of(node)
         chosen = np.unique(np.linspace(0, len(ends), min(len(ends) + 1, KNOTS)).round().astype(int))
         nodes = np.append(ends, 0)[chosen]
-        ways = [way]
-        for first, last in zip(chosen[:-1], chosen[1:], strict=True):
-            part = ends[first:last]
-            ways.append(Piece(tree.twists[part], tree.times[part]))
+        parts = np.split(ends, chosen)[1:-1]
+        ways = [way, *(Piece(tree.twists[part], tree.times[part]) for part in parts)]
         poses = np.concatenate([self._request.start[None], tree.poses[nodes]])
         costs = np.concatenate([[self._price], tree.costs[nodes]])
         gears = np.concatenate([[0], tree.gears[nodes]])
@@ -282,22 +280,24 @@ class FieldPlanner:
         poses, when = sampled(request.start, twists, times, counts)
         paced = np.concatenate([[0.0], np.cumsum(self._motions.paced(twists, times))])
         when = np.interp(when, np.concatenate([[0.0], np.cumsum(times)]), paced)
-        # rounding alone
-        turns = round(float(poses[-1, 2] - request.goal[2]) / math.tau)
+        turns = round(float(poses[-1, 2] - request.goal[2]) / math.tau)  # rounding alone
         poses[-1] = request.goal + (0.0, 0.0, turns * math.tau)
         kept = self._clearance.on_way(poses)
         driven = request.driven
-        switched = driven is None or _apart(poses[:, :2], driven.points) > 2.0 * self._radius
+        switched = driven is None or _strays(poses[:, :2], driven.points, 2.0 * self._radius)
         return Path(
             poses, when, max(float(kept.min()), 0.0), switched, isinstance(self._wheels, Omni)
         )
 
 
-def _apart(points: Array, line: Array) -> float:
-    """How far points (n, 2) lie from the nearest point of a line (k, 2) at the most [m]."""
-    if len(line) > 1:
-        steps = np.linspace(0.0, len(line) - 1.0, 20 * len(line))
-        grid = np.arange(len(line))
-        line = np.stack([np.interp(steps, grid, line[:, i]) for i in (0, 1)], axis=1)
-    away = np.hypot(*(points[:, None] - line).transpose(2, 0, 1))
-    return float(away.min(axis=1).max())
+def _strays(points: Array, line: Array, limit: float) -> bool:
+    """Whether one of points (n, 2) is farther from a line (k, 2), maybe long, than a limit [m]."""
+    steps, grid = np.linspace(0.0, len(line) - 1.0, 20 * len(line)), np.arange(len(line))
+    line = np.stack([np.interp(steps, grid, line[:, i]) for i in (0, 1)], axis=1)
+    for some in np.split(points, range(64, len(points), 64)):
+        low, high = some.min(axis=0) - limit, some.max(axis=0) + limit
+        near = line[((line >= low) & (line <= high)).all(axis=1)]
+        away = np.hypot(*(some[:, None] - near).transpose(2, 0, 1))
+        if (away.min(axis=1, initial=np.inf) > limit).any():
+            return True
+    return False

@@ -9,7 +9,7 @@ from path_requests import found, request
 import kmpc_lite as kl
 from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.field.field_planner import NO_ROOM, NO_WAY, FieldPlanner
-from kmpc_lite.control.path.planner import Path
+from kmpc_lite.control.path.planner import Path, Route
 from kmpc_lite.control.wheels import Car, Differential, Omni
 from kmpc_lite.control.world.solids import Solids
 
@@ -96,8 +96,7 @@ def test_a_car_parks_between_others_by_changes_of_gear(gap):
     path = search(CAR, request((1.2, 0.3, 0.0), goal, solids=boxes, footprint=CART), problem)
     assert isinstance(path, Path)
     assert curvature(path) <= CAR.curvature
-    gears = path.gears[path.gears != 0]
-    assert 1 <= (np.diff(gears) != 0).sum() <= 4
+    assert 1 <= (np.diff(path.gears[path.gears != 0]) != 0).sum() <= 4
     places = CART.places(between(path)).reshape(-1, 2)
     assert Solids(boxes).whole.least(places).min() > CART.circle_radius - 0.01
 
@@ -116,6 +115,14 @@ def test_slices_of_any_length_give_the_same_path():
     asked = request((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0), FOUR)
     one, other = (search(CAR, asked, quanta=quanta) for quanta in (1, 1000))
     np.testing.assert_array_equal(one.poses, other.poses)
+
+
+def test_a_path_of_kilometres_is_compared_with_the_one_driven_in_little_memory():
+    asked = request((0, 0, 0), (4000, 0, 0), area=np.inf)
+    points = search(Omni(), asked).poses[:, :2]
+    for aside in (0.2, 0.4):
+        driven = Route(points + (0.0, aside), reverse=False, clearance=0.0, lost=0.0)
+        assert search(Omni(), replace(asked, driven=driven)).switched == (aside > 2 * 0.15)
 
 
 @pytest.mark.parametrize("least", [0.0, -0.1])

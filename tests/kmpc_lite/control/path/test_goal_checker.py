@@ -37,8 +37,7 @@ def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
     # between the two thresholds it depends on where it comes from
     between = np.array([0.5 * (ENTER[0] + LEAVE[0]), 0.0, 0.5 * (ENTER[1] + LEAVE[1])])
     assert all(goal.holds(between) for _ in range(100))
-    outside = np.array([1.2 * LEAVE[0], 0.0, 0.0])
-    assert not all(goal.holds(outside) for _ in range(100))
+    assert not all(goal.holds(np.array([1.2 * LEAVE[0], 0.0, 0.0])) for _ in range(100))
     assert not goal.holds(between)
 
 
@@ -54,12 +53,6 @@ def test_one_pose_far_off_ends_it_at_once() -> None:
         goal = Goal()
         assert goal.holds(np.zeros(3))
         assert not goal.holds(np.array(push))
-
-
-def test_noise_of_the_pose_does_not_end_it() -> None:
-    random, goal = np.random.default_rng(0), Goal()
-    goal.holds(np.zeros(3))
-    assert all(goal.holds(random.normal(size=3) * (0.005, 0.005, 0.02)) for _ in range(1000))
 
 
 def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None:
