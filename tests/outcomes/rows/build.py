@@ -35,6 +35,7 @@ def drive(
     problem: Mapping[str, Any] | None = None,
     kicks: Mapping[str, Any] | None = None,
     measure: str | Callable[..., Any] | None = None,
+    plant_seed: Sequence[int] | None = None,
     **more: Any,
 ) -> Setup:
     """One drive of the paper's robot, or of one with another body and problem.
@@ -42,7 +43,7 @@ def drive(
     `sense`, `measure`: or their names. `model`: or its name.
     """
     made = kl.NavigationProblem(**{**area(scene.bounds), **(problem or {})})
-    plant = more.pop("plant", None) or plant_of(body, made.dt, [seed, 3])
+    plant = more.pop("plant", None) or plant_of(body, made.dt, plant_seed or [seed, 3])
     known = models.model(model, made.dt) if isinstance(model, str) else model
     if isinstance(body, Rollers):
         known = kl.nominal_omni(made.dt)
@@ -102,12 +103,9 @@ def on_map(seed: int, family: str, number: int, by: float = 1.0, **more: Any) ->
     scenario = random_map(family, FIRST_MAP + number + MAPS_APART * seed)
     unit = np.array((by, by, 1.0))
     start, goal = unit * scenario.start, unit * scenario.goal
-    plain = drive(scene_of(scenario, by), start, goal, 0, **more)
-    body = more.get("body", SLIPS)
-    if "plant" not in more:
-        seeds = [seed, number, 3] if isinstance(body, Body) else [seed, 3]
-        plain.plant = plant_of(body, plain.dt, seeds)
-    return plain
+    slips = isinstance(more.get("body", SLIPS), Body)
+    seeds = [seed, number, 3] if slips else [seed, 3]
+    return drive(scene_of(scenario, by), start, goal, 0, plant_seed=seeds, **more)
 
 
 def scene_of(scenario: Scenario, by: float = 1.0) -> Scene:
