@@ -18,7 +18,12 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.adapted_model import adapted_model, lag_taken_for_gain, refuse
+from kmpc_lite.adaptation.adapted_model import (
+    adapted_model,
+    drives_sideways,
+    lag_taken_for_gain,
+    refuse,
+)
 from kmpc_lite.adaptation.gains import (
     Evidence,
     contradiction,
@@ -31,6 +36,7 @@ from kmpc_lite.adaptation.state import STEP_SIZE, AdaptationCounts, AdaptationSt
 from kmpc_lite.adaptation.steps import Steps, one_period
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES
@@ -71,8 +77,8 @@ class OnlineAdaptation:
     `model`: learned with ``method="integral"``. Its noise model, if any, weighs the steps.
     `options`: what can be tuned. `scale`: the robot's units; those of a robot of 0.15 m and 0.6 m/s
     if not given. `steered`: whether wheels are steered: gains beyond 0.8 to 1.25 then end the
-    adaptation, the learned model returns, and `ended` says why. Raises ModelError for a discrete
-    model, or a memory shorter than the window.
+    adaptation, the learned model returns, and `ended` says why. `predictor`: predicts as the model
+    does, in less time. Raises ModelError for a discrete model, or a memory shorter than the window.
 
     Examples
     --------
@@ -95,6 +101,7 @@ class OnlineAdaptation:
         options: AdaptationOptions | None = None,
         scale: Scale | None = None,
         steered: bool = False,
+        predictor: MotionModel | None = None,
     ) -> None:
         if not model.continuous:
             raise ModelError(
@@ -109,7 +116,8 @@ class OnlineAdaptation:
         self._weights = (1.0 - 1.0 / self._memory) ** np.arange(self._memory)
         noise = model.noise_model
         self._noise = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
-        self._steps = Steps(model, self._noise, self.scale)
+        sideways, predicts = drives_sideways(model), model if predictor is None else predictor
+        self._steps = Steps(predicts, self._noise, self.scale, sideways)
         self.reset()
 
     def reset(self) -> None:

@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.adapted_model import drives_sideways
 from kmpc_lite.adaptation.state import LATE, LATER, NO_STEPS, STEP_SIZE, AdaptationState
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.scale import UNIT_RADIUS, Scale
 from kmpc_lite.types import STATES, Array
 
@@ -37,15 +37,16 @@ the sooner an old pose is forgotten."""
 class Steps:
     """Makes steps of periods, and leaves out those without information.
 
-    `model`: the learned one. `noise`: (3, 3, 3) covariance of its residuals by the command, as
-    `NoiseModel` has it. `scale`: the robot's units.
+    `model`: predicts as the learned one. `noise`: (3, 3, 3) covariance of its residuals by the
+    command, as `NoiseModel` has it. `scale`: the robot's units. `sideways`: whether its wheels
+    drive sideways.
 
     Attributes: `white`: (2,) the variance of a whitened position and heading, as a share of a
     single step's.
     """
 
-    def __init__(self, model: KoopmanModel, noise: Array, scale: Scale) -> None:
-        self._model, self._drives_sideways = model, drives_sideways(model)
+    def __init__(self, model: MotionModel, noise: Array, scale: Scale, sideways: bool) -> None:
+        self._model, self._drives_sideways = model, sideways
         radius = scale.length * UNIT_RADIUS
         self._least_step, self._jump, self._held = LEAST_STEP * radius, JUMP * radius, HELD * radius
         carried, self.white = whitening(noise, model.dt, scale)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from kmpc_lite.control.kernels import library
+from kmpc_lite.control.kernels.predictor import motion_in_units
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.units import scaled_problem, with_goal_weights, with_tracking_weights
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.motion import MotionModel, in_units
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def motion_model(model: KoopmanModel, units: NavigationProblem, scale: Scale) ->
     """Return a model in the robot's units, as all phases of a step use it."""
     turns_little = units.dt * fastest(units)[1] <= LITTLE_TURN
     driven = replace(model, integrator="midpoint" if turns_little else model.integrator)
-    return in_units(driven.with_closed_form(library.closed_form), scale)
+    return motion_in_units(driven, scale)
 
 
 def problem_in_units(

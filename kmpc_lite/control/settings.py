@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import oldest_pose
+from kmpc_lite.control.kernels.predictor import motion_in_units
 from kmpc_lite.control.nmpc.qp_solvers import MakeSolver
 from kmpc_lite.control.options import AdaptationOptions, ControllerOptions, GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
@@ -18,6 +19,7 @@ from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import unmodelled_delay
+from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
@@ -153,7 +155,7 @@ def choose_adaptation(
     if adaptation is None:
         adaptation = seeks_lateness(model, None, tightens) and not steered
     if adaptation is True:
-        return OnlineAdaptation(model, options, scale, steered)
+        return _adaptation(model, options, scale, steered)
     if not adaptation:
         return None
     if adaptation.base is not model:
@@ -183,7 +185,14 @@ def adaptation_of(
         return adaptation
     if not model.continuous:
         return None
-    return OnlineAdaptation(model, adaptation.options, adaptation.scale, adaptation.steered)
+    return _adaptation(model, adaptation.options, adaptation.scale, adaptation.steered)
+
+
+def _adaptation(
+    model: KoopmanModel, options: AdaptationOptions, scale: Scale, steered: bool
+) -> OnlineAdaptation:
+    predictor = motion_in_units(model, Scale(inputs=model.inputs))
+    return OnlineAdaptation(model, options, scale, steered, predictor)
 
 
 def adapt_anew(

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.kernels import tube
+from kmpc_lite.control.kernels.fill import Noise
+from kmpc_lite.control.kernels.predictor import Inputs, Predictor
 from kmpc_lite.control.kernels.safe_motion import TINY
 from kmpc_lite.control.knowledge import motion_model
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
@@ -22,7 +23,6 @@ from kmpc_lite.control.stop.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.model.dictionary import ResponseDictionary
 from kmpc_lite.model.dictionary.terms import TERMS
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
@@ -39,7 +39,7 @@ NO_LIMIT = 1e30
 def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> None:
     """Raise ProblemError for what the C code does not have, with what would do instead."""
     # what lifts the pose does not matter to a symmetric model, only what its inputs are
-    plain = not model.history and model.dictionary.input_size == model.inputs
+    inputs = Inputs.of(model.dictionary)
     refused = {
         "wheels": not isinstance(problem.wheels, Differential),
         "footprint": problem.footprint is not None,
@@ -53,7 +53,7 @@ def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> No
                 f"export: {name}: the C code drives round robots past circles that are all given; "
                 f"got {name}={getattr(problem, name)!r}"
             )
-    if model.closed_form is None or not (plain or isinstance(model.dictionary, ResponseDictionary)):
+    if model.closed_form is None or inputs is None or len(inputs.kernel) > 1:
         raise ProblemError(
             f"export: expected a symmetric model of the unicycle or with a response, got one of "
             f'{type(model.dictionary).__name__}; fit(data, symmetric=True, lags="auto") makes one'
@@ -172,7 +172,7 @@ def _along_path(controller: Controller) -> dict[str, Any]:
     }
 
 
-WHOLE = ("term", "terms", "nodes", "tightens", "errs", "lasts", "by_speed", "delay", "spreads")
+WHOLE = ("term", "terms", "nodes", "tightens", "errs", "delay", "spreads")
 """What `struct kmpc_model` holds as int, in its order."""
 REAL = (
     *("kernel", "smoothing", "limits", "motion", "node"),
@@ -230,19 +230,15 @@ def model_of(controller: Controller) -> dict[str, Array]:
 def _model(controller: Controller) -> dict[str, Any]:
     """The symmetric form, and how its inputs follow from commands."""
     driven = motion_model(controller.model, controller.units, Scale())
-    assert isinstance(driven, KoopmanModel) and driven.closed_form is not None
-    form, dictionary = driven.closed_form, driven.dictionary
-    kernel, terms = np.ones((1, INPUTS)), TERMS[:INPUTS]
-    smoothing, limits = np.ones(INPUTS), np.full(INPUTS, NO_LIMIT)
-    if isinstance(dictionary, ResponseDictionary):
-        kernel, terms = dictionary.kernel, dictionary.terms
-        smoothing, limits = np.array(dictionary.smoothing), np.array(dictionary.limits)
+    assert isinstance(driven, Predictor) and driven.model.closed_form is not None
+    form, inputs = driven.model.closed_form, Inputs.of(driven.model.dictionary)
+    assert inputs is not None
     return {
-        "kernel": kernel,
-        "smoothing": smoothing,
-        "limits": limits,
-        "term": _padded(np.array([TERMS.index(name) for name in terms]), len(TERMS)),
-        "terms": len(terms),
+        "kernel": inputs.kernel[0],
+        "smoothing": np.array(inputs.smoothing),
+        "limits": np.minimum(inputs.limits, NO_LIMIT),
+        "term": _padded(np.array([TERMS.index(name) for name in inputs.terms]), len(TERMS)),
+        "terms": len(inputs.terms),
         "motion": _padded(form.motion, STATES * len(TERMS)),
         "node": _padded(np.array(form.nodes), 8),
         "nodes": len(form.nodes),
@@ -253,13 +249,14 @@ def _margins(controller: Controller) -> dict[str, Any]:
     """Margins of plans and of motions; zeros of a controller without."""
     margins = controller.known.margins
     if margins is None:
-        factors, errors = np.zeros(9 * INPUTS), np.zeros(2 * INPUTS)
-        noise = tube.Noise(factors, factors, factors, factors, 0, 0, 0, 0, 0, 0, False)
+        covariances, errors = np.zeros(9 * INPUTS), np.zeros(2 * INPUTS)
+        pose = np.zeros(9)
+        noise = Noise(covariances, np.zeros(6), pose, pose, 0, 0, 0, 0, 0, 0, False)
         none = ("tightens", "errs", "side_margin", "far_clearance", "widest", "pose_error")
         return (
             _tube(noise)
             | dict.fromkeys((*none, "step_quantile"), 0)
-            | {"position_errors": errors, "heading_errors": errors, "command_noise": factors}
+            | {"position_errors": errors, "heading_errors": errors, "command_noise": covariances}
         )
     felt = margins.calm
     return _tube(felt.tube) | {
@@ -276,14 +273,12 @@ def _margins(controller: Controller) -> dict[str, Any]:
     }
 
 
-def _tube(noise: tube.Noise) -> dict[str, Any]:
+def _tube(noise: Noise) -> dict[str, Any]:
     return {
-        "white": _padded(noise.white, 9 * INPUTS),
-        "lasting": _padded(noise.lasting, 9 * INPUTS),
-        "pose": _padded(noise.pose, 9),
-        "pose_by_speed": _padded(noise.pose_by_speed, 9),
-        "lasts": int(bool(noise.lasting.any())),
-        "by_speed": int(bool(noise.pose_by_speed.any())),
+        "white": noise.white,
+        "lasting": noise.lasting,
+        "pose": noise.pose,
+        "pose_by_speed": noise.pose_by_speed,
         "delay": noise.delay,
         "spreads": int(noise.spreads),
         "quantile": noise.quantile,

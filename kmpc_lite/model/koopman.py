@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -260,13 +259,6 @@ class KoopmanModel:
             )
         info = {k: v for k, v in self.info.items() if k not in OF_THE_NOISE}
         return replace(self, dt=dt, noise_model=None, info=info)
-
-    def with_closed_form(self, make: Callable[[SymmetricForm], SymmetricForm]) -> KoopmanModel:
-        """Return the same model, whose closed form, if it has one, is what `make` makes of it."""
-        other = copy(self)
-        if self.closed_form is not None:
-            object.__setattr__(other, "closed_form", make(self.closed_form))
-        return other
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to an npz file, whole or not at all; numbers and JSON only, no pickle.

@@ -145,8 +145,3 @@ def _sources_in_units(sources: NoiseSources, scale: Scale) -> NoiseSources:
         sources.white * by_command / by_state,
         sources.lasting * (by_command * scale.time**2) / by_state,
     )
-
-
-def in_units(model: KoopmanModel, scale: Scale) -> MotionModel:
-    """Give the model as it is where the units are metres and seconds, else a `ScaledModel`."""
-    return model if scale.is_one else ScaledModel(model, scale)

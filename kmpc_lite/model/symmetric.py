@@ -83,8 +83,6 @@ class SymmetricForm:
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw)."""
         body = w @ self.motion
-        if x.ndim == w.ndim == 1 and math.isfinite(x[2] + body[2]):
-            return self._advance_one(x, body)
         out: Array = x + self._displacements(x[..., 2], body)
         return out
 
@@ -138,18 +136,6 @@ class SymmetricForm:
             angle = headings + node * turned
             cos, sin = cos + weight * np.cos(angle), sin + weight * np.sin(angle)
         return np.stack([ahead * cos - left * sin, ahead * sin + left * cos, turned], axis=-1)
-
-    def _advance_one(self, x: Array, body: Array) -> Array:
-        """Next state of a single one: plain floats are five times as fast as arrays."""
-        ahead, left, turned = body.tolist()
-        px, py, heading = x.tolist()
-        cos = sin = 0.0
-        for node, weight in self.nodes:
-            angle = heading + node * turned
-            cos, sin = cos + weight * math.cos(angle), sin + weight * math.sin(angle)
-        return np.array(
-            (px + (ahead * cos - left * sin), py + (ahead * sin + left * cos), heading + turned)
-        )
 
 
 def _lifts(dictionary: Dictionary, place: Trigonometry) -> bool:

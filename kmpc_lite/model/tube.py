@@ -168,9 +168,9 @@ def window_deviations(
     columns = np.concatenate(
         [(x_next - lin.value)[..., None], *np.moveaxis(lasting, -3, 0)], axis=-1
     )
-    errors = _Carried(lin.A, closed_loop(lin.A, cos, sin), feedback_delay(model), columns, False)
+    errors = Carried(lin.A, closed_loop(lin.A, cos, sin), feedback_delay(model), columns, False)
     white = in_map(np.tensordot(squares, noise.white, axes=(-1, 0)))
-    spreads = _Carried(errors.free, errors.steered, errors.delay, white, True)
+    spreads = Carried(errors.free, errors.steered, errors.delay, white, True)
     deviations, covariances = np.empty((*x.shape[:2], 2)), np.empty((*x.shape[:2], 2, 2))
     for k in range(x.shape[1]):
         error, spread = errors.after(k), spreads.after(k)
@@ -180,7 +180,7 @@ def window_deviations(
     return deviations, covariances
 
 
-class _Carried:
+class Carried:
     """Carries what each period adds on through the later ones: feedback takes back what is old.
 
     `free`, `steered`: jacobians of the periods without and with feedback, (n, S, 3, 3). `delay`:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from reference import kernels
 
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels import tube
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.margins.model_noise import FeltNoise
@@ -100,8 +100,7 @@ class Wary:
 
 def covariances(felt: FeltNoise, lin: Any, states: np.ndarray, inputs: np.ndarray) -> np.ndarray:
     """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]."""
-    factors = tube.factors(felt.tube, lin.A, states, inputs)[:, :2]
-    return factors @ factors.transpose(0, 2, 1)
+    return kernels.covariances(felt.tube, lin.A, states, inputs)[:, :2, :2]
 
 
 def slipping(slip: float, seed: int = 0) -> kl.KoopmanModel:

@@ -8,7 +8,7 @@ from kmpc_lite.control.kernels.boxes import away
 from kmpc_lite.control.kernels.clearance import distances
 from kmpc_lite.control.kernels.following import leg_end, poses_at
 from kmpc_lite.control.kernels.safe_motion import TINY
-from kmpc_lite.control.kernels.tube import tube_margins
+from kmpc_lite.model.tube import MEMORY, Carried, closed_loop, rotations
 
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5
 LEAST_DISTANCE, AT_CENTRE = 1e-9, 1e-9
@@ -152,6 +152,43 @@ def _margins(margins, count, lin, plan, clearances, normals):
     else:
         found[:, :count] = margins.widest
     return found
+
+
+def covariances(noise, by_x, states, inputs):
+    """Of the pose at stages 1 to N, as calibration carries errors on, (N, 3, 3)."""
+    cos, sin, squares = np.cos(states[:-1, 2]), np.sin(states[:-1, 2]), inputs**2
+    turned, steps = rotations(cos, sin), (by_x, closed_loop(by_x, cos, sin))
+    white = (squares @ noise.white).reshape(-1, 3, 3)
+    out = noise.pose.reshape(3, 3) + squares[:, :1, None] * noise.pose_by_speed.reshape(3, 3)
+    out, white = (turned @ part @ turned.swapaxes(1, 2) for part in (out, white))
+    lasting = np.concatenate([np.diag(row) for row in noise.lasting], axis=1)
+    added = {True: white, False: turned @ (lasting * inputs.repeat(3, axis=1)[:, None])}
+    for k in range(len(by_x)):
+        felt = slice(max(k + 1 - MEMORY - noise.delay, 0), k + 1)
+        for squared, parts in added.items():
+            carried = Carried(
+                *(s[None, felt] for s in steps), noise.delay, parts[None, felt], squared
+            )
+            for i in range(len(parts[felt])):
+                spread = carried.after(i)[0]
+            out[k] += spread if squared else spread @ spread.T
+    return out
+
+
+def tube_margins(noise, by_x, states, inputs, normals, path_clearance):
+    steps = np.abs(np.diff(states, axis=0))
+    lengths = np.hypot(steps[:, 0], steps[:, 1]) + noise.reach * steps[:, 2]
+    bulges, squares = lengths * steps[:, 2] / 8, lengths * lengths / 4
+    for part in (bulges, squares):
+        part[:-1] = np.maximum(part[:-1], part[1:])
+    chords = np.sqrt((noise.touch + bulges) ** 2 + squares) - noise.touch + noise.solver_margin
+    kept = np.minimum(noise.headway_time * np.abs(inputs[:, 0]), path_clearance)[:, None]
+    if noise.spreads:
+        count = normals.shape[2]
+        spread = covariances(noise, by_x, states, inputs)[:, :count, :count]
+        variances = np.einsum("nsi,nij,nsj->ns", normals, spread, normals)
+        kept = np.maximum(noise.quantile * np.sqrt(variances), kept)
+    return np.broadcast_to(kept, normals.shape[:2]) + chords[:, None]
 
 
 def _write(numbers, lin, x, u, normals, offsets):

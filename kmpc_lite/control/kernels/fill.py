@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.types import Array
 
 
@@ -31,6 +30,44 @@ class KeepOut(NamedTuple):
     that is not round."""
     slots: int
     """Half-planes a stage, at most 16."""
+
+
+class Noise(NamedTuple):
+    """What the margins of a plan follow from: how far a robot spreads around it.
+
+    Each stage feels the noise of the periods before, carried on by the model's Jacobians: without
+    feedback for as long as commands take to act, then under the feedback that later steps give,
+    which has forgotten what is older still (`kmpc_lite.model.tube`, by which they were calibrated).
+    White noise of each period adds its covariance; what is alike in all periods is one column, to
+    which each of them adds.
+    """
+
+    white: Array
+    """(2, 9) covariances (3, 3) of a period's noise, by v^2 and by omega^2."""
+    lasting: Array
+    """(2, 3) deviations of errors that are alike in all periods, by v and by omega."""
+    pose: Array
+    """(3, 3) covariance of a measured pose."""
+    pose_by_speed: Array
+    """(3, 3), the same by v^2."""
+    delay: int
+    """Periods until the feedback acts."""
+    quantile: float
+    """How many standard deviations are kept."""
+    headway_time: float
+    """Time of driving on at a speed that is the least margin [s]."""
+    touch: float
+    """Radius at which chords cut [m]."""
+    reach: float
+    """How far the outline lies from the pose [m]."""
+    solver_margin: float
+    """Added to all [m]."""
+    spreads: bool
+    """Whether there is any noise in a plan."""
+
+
+FACTORS = 4
+"""How many of them are arrays, the first."""
 
 
 class PlanMargins(NamedTuple):

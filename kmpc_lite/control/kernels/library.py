@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
-from kmpc_lite.control.kernels.fill import Around, Iterate, KeepOut, Numbers, PlanMargins
+from kmpc_lite.control.kernels.fill import (
+    FACTORS,
+    Around,
+    Iterate,
+    KeepOut,
+    Noise,
+    Numbers,
+    PlanMargins,
+)
 from kmpc_lite.control.kernels.following import Timed
 from kmpc_lite.control.kernels.scan_library import dense as _dense
 from kmpc_lite.control.kernels.scan_map import Bits
-from kmpc_lite.control.kernels.tube import Noise
 from kmpc_lite.model.linearization import Linearization
-from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array
 
 NOTHING = np.empty(0)
@@ -76,9 +79,7 @@ def fill(
     stages, places = len(plan.inputs), len(around.points) // len(plan.inputs)
     kinds = around.gaps.size // stages + places * len(around.things) + len(keep.side_offsets) + 1
     per_stage = kinds * (2 + keep.directions) + keep.slots * (1 + keep.directions)
-    *noise, delay, quantile, headway, touch, reach, solver_margin, spreads = (
-        NO_NOISE if margins is None else margins.noise
-    )
+    noise = NO_NOISE if margins is None else margins.noise
     widest, far, side, path = (0.0, 0.0, 0.0, NOTHING) if margins is None else margins[1:]
     *arrays, turn, turn_weight, scale, open_bound = numbers
     c.fill(
@@ -89,7 +90,7 @@ def fill(
         np.empty(stages * per_stage + 3 * (stages + 1)),
         _dense(plan.speeds),
         path,
-        *noise,
+        *noise[:FACTORS],
         turn,
         stages,
         lin.B_past.shape[1],
@@ -102,19 +103,29 @@ def fill(
         keep.dt,
         keep.range,
         margins is not None,
-        delay,
-        spreads,
-        quantile,
-        headway,
-        touch,
-        reach,
-        solver_margin,
+        *noise[FACTORS:],
         widest,
         far,
         side,
         turn_weight,
         plan.to_goal,
     )
+
+
+def tube_margins(
+    noise: Noise, by_x: Array, states: Array, inputs: Array, normals: Array, path_clearance: Array
+) -> Array:
+    """Margins (N, K) of stages 1 to N [m].
+
+    `noise`: what is not known. `by_x`, `states`, `inputs`: the model's derivatives by the state (N,
+    3, 3) at the plan: (N + 1, 3) and (N, 2), speeds and turn rates. `normals`: (N, K, 2) unit
+    vectors away from obstacles; (N, K, 3) with the slope by the heading. `path_clearance`: (N,)
+    what the path keeps [m]: headway is no more.
+    """
+    out, directions = np.empty(normals.shape[:2]), normals.shape[2]
+    given = map(_dense, (by_x, states, inputs, normals, path_clearance))
+    c.tube_margins(*given, *noise[:FACTORS], out, directions, *noise[FACTORS:])
+    return out
 
 
 def stop_errors(
@@ -245,43 +256,3 @@ def ways(free: Bits, factor: Array, step: float, goal: int) -> tuple[Array, NDAr
     cost, towards = np.empty(nodes), np.empty(nodes, dtype=np.intc)
     c.ways(*own, cost, towards, np.empty(2 * nodes, dtype=np.intc), width, step, goal)
     return cost, towards
-
-
-@dataclass(frozen=True, eq=False)
-class CompiledForm(SymmetricForm):
-    """As `SymmetricForm`, the reference of its kernels."""
-
-    @cached_property
-    def _arrays(self) -> tuple[Array, Array]:
-        """What the kernels take of it."""
-        return _dense(self.motion), _dense(np.array(self.nodes))
-
-    def advance(self, x: Array, w: Array) -> Array:
-        """Next states (..., 3) for bilinear inputs (..., nw)."""
-        if x.shape[:-1] != w.shape[:-1]:
-            return super().advance(x, w)
-        out = np.empty(x.shape)
-        c.advance(*self._arrays, _dense(x), _dense(w), out)
-        return out
-
-    def rollout(self, x0: Array, w: Array) -> Array:
-        """States (..., T + 1, 3) from a first one (..., 3), for inputs (..., T, nw)."""
-        *motions, periods, _ = w.shape
-        out = np.empty((*motions, periods + 1, STATES))
-        begins = np.empty((*motions, STATES))
-        begins[...] = x0
-        c.rollout(*self._arrays, begins, _dense(w), out)
-        return out
-
-    def linearize(self, x: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Next states (..., 3), their derivatives by x, (..., 3, 3), and by w, (..., 3, nw)."""
-        lead = w.shape[:-1]
-        value, by_x = np.empty((*lead, STATES)), np.empty((*lead, STATES, STATES))
-        by_w = np.empty((*lead, STATES, w.shape[-1]))
-        c.linearize(*self._arrays, _dense(x), _dense(w), value, by_x, by_w)
-        return value, by_x, by_w
-
-
-def closed_form(form: SymmetricForm) -> SymmetricForm:
-    """The same motion, in C."""
-    return CompiledForm(form.motion, form.nodes)

@@ -14,14 +14,13 @@ import math
 import numpy as np
 
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels import library, tube
+from kmpc_lite.control.kernels import library
+from kmpc_lite.control.kernels.fill import Noise
 from kmpc_lite.control.margins.model_noise import (
     HEADING,
     SOLVER_MARGIN,
     FeltNoise,
     ModelNoise,
-    factor,
-    factors,
     trace,
 )
 from kmpc_lite.control.margins.widest import Widest
@@ -33,7 +32,6 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import FLOOR
 from kmpc_lite.types import STATES, Array
 
-NOTHING = np.empty((STATES, 0))
 """Factors of a noise that there is none of."""
 FAR_CLEARANCE = 2 / 3
 """Margins are worked out for obstacles within the widest margin and this much more [radii]; for
@@ -83,9 +81,6 @@ class Margins:
         self._widest = Widest(noise, problem, headway, self._solver_margin)
         self._reach = self._widest.reach
         self.pose_deviation = math.sqrt(max(0.5 * self._widest.pose_variance, 0.0))
-        self._pose = factor(noise.tube.pose)
-        by_speed = noise.tube.pose_by_speed
-        self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING
         self._pose_error = self._pose_error_of(noise.tube.pose_deviation[0] ** 2)
         self.calm = self._felt(1.0, False)
 
@@ -96,8 +91,8 @@ class Margins:
         felt = self._felt(inflation, unknown) if unknown or inflation != 1.0 else self.calm
         if state.estimate is None:
             return felt
-        pose, none = state.estimate.in_robot, NOTHING
-        tube = felt.tube._replace(pose=factor(pose), pose_by_speed=none)
+        pose = state.estimate.in_robot
+        tube = felt.tube._replace(pose=pose, pose_by_speed=np.zeros_like(pose))
         error = self._pose_error_of(0.5 * float(pose[0, 0] + pose[1, 1]))
         return felt._replace(tube=tube, pose_error=error)
 
@@ -108,11 +103,11 @@ class Margins:
         noise, found = self.noise, self.noise.inflated(inflation, unknown_floor)
         command, lasting = found.command, found.lasting
         return FeltNoise(
-            tube=tube.Noise(
-                white=factors(found.plan),
-                lasting=factors(lasting) if noise.lasts else NOTHING,
-                pose=self._pose,
-                pose_by_speed=self._pose_by_speed,
+            tube=Noise(
+                white=found.plan,
+                lasting=np.sqrt(lasting[:, :: STATES + 1]),
+                pose=noise.tube.pose,
+                pose_by_speed=noise.tube.pose_by_speed,
                 delay=noise.delay,
                 quantile=noise.quantile,
                 headway_time=self._headway,
@@ -148,7 +143,7 @@ class Margins:
         robot would not drive through narrow passages. Returns (N, S) [m].
         """
         kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
-        return tube.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
+        return library.tube_margins(felt.tube, lin.A, states, speeds(inputs), normals, kept)
 
     def of_motions(self, felt: FeltNoise, distances: Array, turns: Array) -> Array:
         """Margins (..., T) at the end of each period [m].

@@ -15,7 +15,7 @@ import numpy as np
 
 from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels import tube
+from kmpc_lite.control.kernels.fill import Noise
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
@@ -58,7 +58,7 @@ class InflatedNoise(NamedTuple):
 class FeltNoise(NamedTuple):
     """The noise of a model as inflated by past innovations; worked out once a step."""
 
-    tube: tube.Noise
+    tube: Noise
     """Of the later periods of a plan, as its margins follow from it."""
     widest: float
     """Margin that no plan within the command bounds exceeds [m]."""
@@ -160,34 +160,6 @@ class ModelNoise:
         if unknown_floor:
             command[0, [0, 4]] = np.maximum(command[0, [0, 4]], self._unknown_floor_variance)
         return InflatedNoise(plan, lasting, command, self._learned or inflation > 1.0)
-
-
-def factor(covariance: Array) -> Array:
-    """Lower triangle L (n, n) with ``L L'`` the covariance (Cholesky).
-
-    What rounding leaves below zero counts as zero: unlike NumPy's it takes what is only
-    semidefinite, and for so few numbers plain floats take a fifth of the time.
-
-    `covariance`: (n, n), symmetric.
-    """
-    left = covariance.tolist()
-    count = len(left)
-    out = np.zeros((count, count))
-    for j in range(count):
-        if left[j][j] <= 0.0:
-            continue
-        root = math.sqrt(left[j][j])
-        column = [left[i][j] / root for i in range(j, count)]
-        out[j:, j] = column
-        for i in range(j + 1, count):
-            for k in range(j + 1, count):
-                left[i][k] -= column[i - j] * column[k - j]
-    return out
-
-
-def factors(noise: Array) -> Array:
-    """Factors (3, 6) of two covariances (2, 9), side by side."""
-    return np.hstack([factor(part.reshape(STATES, STATES)) for part in noise])
 
 
 def trace(noise: Array) -> tuple[float, float]:

@@ -41,10 +41,10 @@ struct kmpc_numbers {
 extern const struct kmpc_numbers kmpc_numbers;
 extern struct kmpc_model kmpc_model; /* the one that is driven by now */
 
-/* model.c: predictions of N commands that follow L past ones; `window` is (L + N, 2), oldest first */
-void kmpc_model_linearize(const real *states, const real *window, int count, real *value,
-                          real *by_x, real *by_u, real *by_past);
-void kmpc_model_predict(const real *states, const real *window, int count, real *next);
+/* model.c: predictions (N, 3) of N commands that follow L past ones, and by_x not null: Jacobians;
+ * `window` is (L + N, 2), oldest first */
+void kmpc_model_linearize(const real *states, const real *window, real *value, real *by_x,
+                          real *by_u, real *by_past);
 /* States (periods + 1, 3) of a robot that is sent `count` commands, then zeros, after those of the
  * past (KMPC_PAST, 2). */
 void kmpc_model_rollout(const real *here, const real *past, const real *commands, int count,

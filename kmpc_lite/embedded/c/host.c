@@ -11,7 +11,7 @@
 
 enum {
     FLOAT = 4,
-    WHOLE = KMPC_TERMS + 8, /* its ints, which lie before all reals */
+    WHOLE = KMPC_TERMS + 6, /* its ints, which lie before all reals */
     REALS = (sizeof(struct kmpc_model) - offsetof(struct kmpc_model, kernel)) / sizeof(real)
 };
 

@@ -58,12 +58,12 @@ struct kmpc_path {
 /* What was learned: numbers that `kmpc export` and its Python twin `model_numbers` work out. */
 struct kmpc_model {
     int term[KMPC_TERMS], terms; /* which of the terms are bilinear inputs */
-    int nodes, tightens, errs, lasts, by_speed, delay, spreads;
+    int nodes, tightens, errs, delay, spreads;
     real kernel[(KMPC_L + 1) * 2]; /* weights of commands by age, newest first */
     real smoothing[2], limits[2];
     real motion[3 * KMPC_TERMS], node[8];
     /* margins */
-    real white[18], lasting[18], pose[9], pose_by_speed[9];
+    real white[18], lasting[6], pose[9], pose_by_speed[9];
     real quantile, step_quantile, headway_time, solver_margin, side_margin, far_clearance, widest;
     real position_errors[4], heading_errors[4], command_noise[18], pose_error;
 };

@@ -105,9 +105,8 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         NULL, NULL,          K.side_normal, K.side_offset, K.distance, K.dt, INFINITY,
     };
     const struct kmpc_plan_margins margins = {
-        {2, L.delay, L.white, L.lasts ? L.lasting : NULL, L.pose,
-         L.by_speed ? L.pose_by_speed : NULL, L.quantile, L.headway_time, K.distance, 0,
-         L.solver_margin, L.spreads},
+        {L.delay, L.white, L.lasting, L.pose, L.pose_by_speed, L.quantile, L.headway_time,
+         K.distance, 0, L.solver_margin, L.spreads},
         at->inputs[0], way->clearance, L.widest, L.far_clearance, L.side_margin,
     };
     const struct kmpc_pass plan = {
@@ -117,7 +116,7 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
     const struct kmpc_qp qp = {K.places, entries, lower, upper, lower + 3 * KMPC_N, q, start, turn};
     const int inputs = 3 * KMPC_N;
     const real *origin = at->states[0];
-    kmpc_model_linearize(at->states[0], window, KMPC_N, value, by_x, by_u, by_past);
+    kmpc_model_linearize(at->states[0], window, value, by_x, by_u, by_past);
     for (int k = 0; k < KMPC_N; k++)
         memcpy(points + 2 * k, at->states[k + 1], 2 * sizeof(real));
     for (int i = 0; i < 9; i++)
@@ -175,7 +174,7 @@ static real go(struct kmpc_iterate *at, struct kmpc_iterate *found, real *window
     const real moved = towards(at->states[0], found->states[0], 3 * (KMPC_N + 1), share);
     const real changed = towards(at->inputs[0], found->inputs[0], 2 * KMPC_N, share);
     memcpy(window + 2 * KMPC_L, found->inputs, sizeof(found->inputs));
-    kmpc_model_predict(found->states[0], window, KMPC_N, predicted);
+    kmpc_model_linearize(found->states[0], window, predicted, NULL, NULL, NULL);
     result->defect = 0;
     for (int i = 0; i < 3 * KMPC_N; i++) {
         const real apart = M(fabs)(predicted[i] - found->states[1 + i / 3][i % 3]);

@@ -83,10 +83,10 @@ def test_the_delay_is_kept_in_the_file_and_a_nonsensical_one_is_refused(tmp_path
 
 
 def test_margins_know_that_feedback_acts_later_in_any_units():
-    from kmpc_lite.model.motion import in_units
+    from kmpc_lite.control.kernels.predictor import motion_in_units
     from kmpc_lite.model.tube import feedback_delay
     from kmpc_lite.scale import Scale
 
     model = kl.fit(record(Robot("late", lag=0.2, dead_time=0.1), 4))
     assert feedback_delay(model) == round(model.info["unmodelled_delay"] / model.dt) > 1
-    assert feedback_delay(in_units(model, Scale(3.0, 2.0))) == feedback_delay(model)
+    assert feedback_delay(motion_in_units(model, Scale(3.0, 2.0))) == feedback_delay(model)

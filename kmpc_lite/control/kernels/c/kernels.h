@@ -33,20 +33,35 @@ enum {
     KMPC_DIRECTIONS = 2048 /* told apart around a scanner */
 };
 
-/* ---- symmetric.c: one period of a symmetric model ------------------------------------------- */
+/* ---- predictor.c: a symmetric model of a robot that answers late and slips -------------------- */
 
-struct kmpc_motion {
-    int inputs;         /* bilinear inputs, nw */
-    int nodes;          /* stages of the integrator */
-    const real *motion; /* (nw, 3) how far each leads ahead, to the left and round in a period */
-    const real *node;   /* (nodes, 2) node and weight of each stage */
+struct kmpc_predictor {
+    int commands, ages;    /* numbers of a command, m; commands that act in a period, L + 1 */
+    int groups, terms;     /* sets of terms, each of commands filtered otherwise; of each set */
+    int nodes;             /* stages of the integrator */
+    int steered;           /* whether turn rates follow from filtered curvatures */
+    const int *term;       /* (terms,) which; the first m are the speeds themselves */
+    const real *kernel;    /* (groups, ages, m) weights of commands, newest first */
+    const real *smoothing, *limits; /* (m,) eps of |s|; largest speeds that terms follow */
+    const real *motion;    /* (groups, terms, 3) how far each leads ahead, to the left and round */
+    const real *node;      /* (nodes, 2) node and weight of each stage */
+    const real *state, *command; /* (3,), (m,) metres, radians and seconds of a unit */
 };
 
-void kmpc_advance(const struct kmpc_motion *m, int count, const real *x, const real *w, real *next);
-void kmpc_rollout(const struct kmpc_motion *m, int count, int periods, const real *x0,
-                  const real *w, real *states);
-void kmpc_linearize(const struct kmpc_motion *m, int count, const real *x, const real *w,
-                    real *value, real *by_x, real *by_w);
+struct kmpc_sent {
+    const real *now;  /* (m,) a command; `driven` more lie before it in the same array */
+    const real *past; /* (L, m) those before that, oldest first; null: zeros */
+    int driven;
+    int zeros;        /* how many that are zero follow it: these are the newest */
+};
+
+int kmpc_terms(int commands); /* how many terms there are */
+/* Of `count` commands, then zeros. */
+void kmpc_rollout(const struct kmpc_predictor *p, int periods, int count, const real *x0,
+                  const real *u, const real *past, real *states);
+/* The next state, and its Jacobians but where `by_x` is null. */
+void kmpc_linearize(const struct kmpc_predictor *p, const real *x, const struct kmpc_sent *sent,
+                    real *value, real *by_x, real *by_u, real *by_past);
 
 /* ---- clearance.c: distances from a table of things ------------------------------------------- */
 
@@ -66,12 +81,11 @@ void kmpc_nearest_boxes(int boxes, const real *low, const real *high, int count,
 /* ---- tube.c: margins of a plan --------------------------------------------------------------- */
 
 struct kmpc_noise {
-    int inputs;              /* commands, m */
     int delay;               /* periods until feedback acts */
-    const real *white;       /* (3, 3 m) factors of a period's noise, by each command */
-    const real *lasting;     /* the same of errors that last; null without any */
-    const real *pose;        /* (3, 3) factor of the measured pose's noise */
-    const real *pose_speed;  /* the same by speed; null without any */
+    const real *white;       /* (2, 3, 3) covariance of a period's noise, by v^2 and omega^2 */
+    const real *lasting;     /* (2, 3) deviations of errors that last, by v and omega */
+    const real *pose;        /* (3, 3) covariance of a measured pose, and by v^2 */
+    const real *pose_speed;
     real quantile;           /* standard deviations that are kept */
     real headway_time;       /* time of driving on that is the least margin [s] */
     real touch;              /* radius at which chords cut [m] */

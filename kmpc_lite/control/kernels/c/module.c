@@ -7,6 +7,7 @@
 #define PY_SSIZE_T_CLEAN
 #define Py_LIMITED_API 0x030b0000
 #include <Python.h>
+#include <stdarg.h>
 #include <string.h>
 
 #include "kernels.h"
@@ -18,64 +19,87 @@ static long reals(const Py_buffer *buffer)
     return (long)(buffer->len / (Py_ssize_t)sizeof(real));
 }
 
-static int holds(const Py_buffer *buffer, long count)
+/* Whether arrays hold so many numbers, each given as long: r reals, i ints, l longs, f floats, b
+ * bytes; o reals or none at all; - any. */
+static int fit(const Py_buffer *b, const char *kinds, ...)
 {
-    return buffer->len == (Py_ssize_t)sizeof(real) * count;
-}
-
-static int holds_ints(const Py_buffer *buffer, long count)
-{
-    return buffer->len == (Py_ssize_t)sizeof(int) * count;
-}
-
-static const real *or_null(const Py_buffer *buffer)
-{
-    return buffer->len ? buffer->buf : NULL;
-}
-
-static int motion_of(struct kmpc_motion *m, const Py_buffer *motion, const Py_buffer *nodes)
-{
-    const int inputs = (int)(reals(motion) / 3), stages = (int)(reals(nodes) / 2);
-    *m = (struct kmpc_motion){inputs, stages, motion->buf, nodes->buf};
-    return holds(motion, 3L * m->inputs) && holds(nodes, 2L * m->nodes);
-}
-
-static int advance(Py_buffer *b, const double *n) /* motion, nodes, x, w, next */
-{
-    struct kmpc_motion m;
-    const long count = reals(b + 2) / 3;
-    const int fits = motion_of(&m, b, b + 1) && holds(b + 2, 3 * count) &&
-                     holds(b + 3, m.inputs * count) && holds(b + 4, 3 * count);
-    if (fits)
-        kmpc_advance(&m, (int)count, b[2].buf, b[3].buf, b[4].buf);
-    return fits;
-}
-
-static int rollout(Py_buffer *b, const double *n) /* motion, nodes, x0, w, states */
-{
-    struct kmpc_motion m;
-    const long count = reals(b + 2) / 3;
-    int fits = motion_of(&m, b, b + 1) && count > 0 && holds(b + 2, 3 * count);
-    if (fits) {
-        const long periods = reals(b + 4) / (3 * count) - 1;
-        fits = periods >= 0 && holds(b + 3, m.inputs * count * periods) &&
-               holds(b + 4, 3 * count * (periods + 1));
-        if (fits)
-            kmpc_rollout(&m, (int)count, (int)periods, b[2].buf, b[3].buf, b[4].buf);
+    va_list counts;
+    int fits = 1;
+    va_start(counts, kinds);
+    for (; *kinds; kinds++, b++) {
+        size_t each = 1;
+        if (*kinds == '-')
+            continue;
+        if (strchr("ro", *kinds))
+            each = sizeof(real);
+        else if (*kinds != 'b')
+            each = *kinds == 'l' ? sizeof(long) : *kinds == 'i' ? sizeof(int) : sizeof(float);
+        const long count = va_arg(counts, long);
+        fits = fits && count >= 0 &&
+               (b->len == (Py_ssize_t)each * count || (*kinds == 'o' && !b->len));
     }
+    va_end(counts);
     return fits;
 }
 
-static int linearize(Py_buffer *b, const double *n) /* motion, nodes, x, w, value, by_x, by_w */
+/* Commands, ages, groups, terms of a group, stages and whether it is steered, then which terms; and
+ * all reals of the struct, in its order. */
+static int predictor_of(struct kmpc_predictor *p, const Py_buffer *layout, const Py_buffer *numbers)
 {
-    struct kmpc_motion m;
+    if (layout->len < 6 * (Py_ssize_t)sizeof(int))
+        return 0;
+    const int *n = layout->buf;
+    const long m = n[0], ages = n[1], groups = n[2], terms = n[3], nodes = n[4];
+    if ((m != 2 && m != 3) || ages < 1 || groups < 1 || terms < 1 || nodes < 1 ||
+        !fit(layout, "ir", 6 + terms,
+             groups * ages * m + 2 * m + 3 * groups * terms + 2 * nodes + 3 + m))
+        return 0;
+    const real *kernel = numbers->buf, *smoothing = kernel + groups * ages * m;
+    const real *motion = smoothing + 2 * m, *node = motion + 3 * groups * terms;
+    const real *state = node + 2 * nodes;
+    *p = (struct kmpc_predictor){(int)m, n[1], n[2], n[3], n[4], n[5], n + 6, kernel, smoothing,
+                                 smoothing + m, motion, node, state, state + 3};
+    for (int i = 0; i < terms; i++)
+        if (p->term[i] < 0 || p->term[i] >= kmpc_terms((int)m))
+            return 0;
+    return 1;
+}
+
+static int rollout(Py_buffer *b, const double *n) /* layout, numbers, x0, u, past, states */
+{
+    struct kmpc_predictor p;
+    const long count = reals(b + 2) / 3, periods = count ? reals(b + 5) / (3 * count) - 1 : 0;
+    if (!predictor_of(&p, b, b + 1))
+        return 0;
+    const long before = (p.ages - 1L) * p.commands, each = periods * p.commands;
+    if (!fit(b + 2, "rror", 3 * count, count * each, count * before, 3 * count * (periods + 1)))
+        return 0;
+    for (long i = 0; i < count; i++)
+        kmpc_rollout(&p, (int)periods, (int)periods, (real *)b[2].buf + 3 * i, (real *)b[3].buf + i * each,
+                     b[4].len ? (real *)b[4].buf + i * before : NULL,
+                     (real *)b[5].buf + 3 * i * (periods + 1));
+    return 1;
+}
+
+/* layout, numbers, x, u, past, value, by x, by u, by past */
+static int linearize(Py_buffer *b, const double *n)
+{
+    struct kmpc_predictor p;
     const long count = reals(b + 2) / 3;
-    const int fits = motion_of(&m, b, b + 1) && holds(b + 2, 3 * count) &&
-                     holds(b + 3, m.inputs * count) && holds(b + 4, 3 * count) &&
-                     holds(b + 5, 9 * count) && holds(b + 6, 3 * m.inputs * count);
-    if (fits)
-        kmpc_linearize(&m, (int)count, b[2].buf, b[3].buf, b[4].buf, b[5].buf, b[6].buf);
-    return fits;
+    if (!predictor_of(&p, b, b + 1))
+        return 0;
+    const long m = p.commands, before = (p.ages - 1L) * m;
+    if (!fit(b + 2, "rrorrrr", 3 * count, m * count, before * count, 3 * count, 9 * count,
+             3 * m * count, 3 * before * count))
+        return 0;
+    for (long k = 0; k < count; k++) {
+        const struct kmpc_sent sent = {(real *)b[3].buf + k * m,
+                                       b[4].len ? (real *)b[4].buf + k * before : NULL, 0, 0};
+        kmpc_linearize(&p, (real *)b[2].buf + 3 * k, &sent, (real *)b[5].buf + 3 * k,
+                       (real *)b[6].buf + 9 * k, (real *)b[7].buf + 3 * m * k,
+                       (real *)b[8].buf + 3 * before * k);
+    }
+    return 1;
 }
 
 static int distances(Py_buffer *b, const double *n) /* things, points, times, distance */
@@ -83,23 +107,21 @@ static int distances(Py_buffer *b, const double *n) /* things, points, times, di
     const int motions = (int)n[0], sampled = (int)n[1], places = (int)n[2];
     const long things = reals(b) / KMPC_THING, samples = reals(b + 2);
     const long cells = (long)motions * places;
-    const int fits = holds(b, KMPC_THING * things) && holds(b + 2, samples) &&
-                     (sampled == 1 || sampled == samples) &&
-                     holds(b + 1, 2 * cells * sampled) && holds(b + 3, cells * samples * things);
-    if (fits)
-        kmpc_distances((int)things, b[0].buf, motions, (int)samples, places, sampled, b[1].buf,
-                       b[2].buf, b[3].buf);
-    return fits;
+    if ((sampled != 1 && sampled != samples) ||
+        !fit(b, "rrrr", KMPC_THING * things, 2 * cells * sampled, samples, cells * samples * things))
+        return 0;
+    kmpc_distances((int)things, b[0].buf, motions, (int)samples, places, sampled, b[1].buf,
+                   b[2].buf, b[3].buf);
+    return 1;
 }
 
 static int box_distances(Py_buffer *b, const double *n) /* low, high, points, least */
 {
     const long boxes = reals(b) / 2, count = reals(b + 3);
-    const int fits = boxes > 0 && holds(b, 2 * boxes) && holds(b + 1, 2 * boxes) &&
-                     holds(b + 2, 2 * count) && holds(b + 3, count);
-    if (fits)
-        kmpc_box_distances((int)boxes, b[0].buf, b[1].buf, (int)count, b[2].buf, b[3].buf);
-    return fits;
+    if (boxes < 1 || !fit(b, "rrr", 2 * boxes, 2 * boxes, 2 * count))
+        return 0;
+    kmpc_box_distances((int)boxes, b[0].buf, b[1].buf, (int)count, b[2].buf, b[3].buf);
+    return 1;
 }
 
 /* low, high, points, room, chosen, distance, normals */
@@ -107,14 +129,20 @@ static int nearest_boxes(Py_buffer *b, const double *n)
 {
     const int columns = (int)n[1];
     const long boxes = reals(b) / 2, count = reals(b + 2) / 2, cells = count * columns;
-    const int fits = boxes > 0 && columns > 0 && columns <= boxes && holds(b, 2 * boxes) &&
-                     holds(b + 1, 2 * boxes) && holds(b + 2, 2 * count) &&
-                     holds(b + 3, 4 * boxes) && holds(b + 5, cells) && holds(b + 6, 2 * cells) &&
-                     b[4].len == (Py_ssize_t)sizeof(long) * cells;
-    if (fits)
-        kmpc_nearest_boxes((int)boxes, b[0].buf, b[1].buf, (int)count, b[2].buf, n[0], columns,
-                           b[3].buf, b[4].buf, b[5].buf, b[6].buf);
-    return fits;
+    if (columns < 1 || columns > boxes ||
+        !fit(b, "rrrrlrr", 2 * boxes, 2 * boxes, 2 * count, 4 * boxes, cells, cells, 2 * cells))
+        return 0;
+    kmpc_nearest_boxes((int)boxes, b[0].buf, b[1].buf, (int)count, b[2].buf, n[0], columns,
+                       b[3].buf, b[4].buf, b[5].buf, b[6].buf);
+    return 1;
+}
+
+/* Noise of a plan: white, lasting, pose and pose by speed; numbers from the delay on. */
+static int noise_of(struct kmpc_noise *noise, const Py_buffer *b, const double *n)
+{
+    *noise = (struct kmpc_noise){(int)n[0], b[0].buf, b[1].buf, b[2].buf, b[3].buf, n[1],
+                                 n[2],      n[3],     n[4],     n[5],     n[6] != 0.0};
+    return n[0] >= 0.0 && fit(b, "rrrr", 18L, 6L, 9L, 9L);
 }
 
 /* Whether the arrays of a pass have the sizes that go with each other. */
@@ -122,23 +150,17 @@ static int pass_fits(const Py_buffer *b, const struct kmpc_layout *size,
                      const struct kmpc_keep_out *keep, int tightens)
 {
     const long n = size->stages, m = size->inputs, slots = size->slots, past = size->history;
-    const long points = n * keep->places, cells = points * keep->solids;
+    const long points = n * keep->places, cells = points * keep->solids, turns = keep->directions;
     long written = 9 * (n - 1) + n * slots * size->directions;
     for (long j = 0; j <= past && j < n; j++)
         written += 3 * m * (n - j);
-    int fits = holds(b, 3 * n) && holds(b + 1, 9 * n) && holds(b + 2, 3 * m * n) &&
-               holds(b + 3, 3 * m * n * past) && holds(b + 4, 3 * (n + 1)) && holds(b + 5, m * n) &&
-               holds(b + 6, 3 * (n + 1)) && holds(b + 7, KMPC_THING * (long)keep->things) &&
-               holds(b + 8, 2 * points) && holds(b + 9, cells) && holds(b + 10, keep->directions * cells) &&
-               holds(b + 11, 2L * keep->sides) && holds(b + 12, keep->sides) &&
-               holds_ints(b + 13, written) && holds(b + 15, 3 * n) && holds(b + 16, 3 * n) &&
-               holds(b + 17, n * slots) && holds(b + 18, 3 * n) && holds(b + 19, (3 + m + 1) * n) &&
-               holds(b + 20, 9) && holds(b + 21, 9) && holds(b + 29, n - 1) &&
-               reals(b + 22) >= kmpc_fill_room(size, kmpc_kinds(keep));
-    if (tightens) /* speeds, path clearance, white, lasting, pose, pose by speed */
-        fits = fits && n <= KMPC_HORIZON && holds(b + 23, 2 * n) && holds(b + 24, n) &&
-               holds(b + 25, 18) && (!b[26].len || holds(b + 26, 18)) && holds(b + 27, 9) &&
-               (!b[28].len || holds(b + 28, 9));
+    int fits = fit(b, "rrrrrrrrrrrrri-rrrrrrr", 3 * n, 9 * n, 3 * m * n, 3 * m * n * past,
+                   3 * (n + 1), m * n, 3 * (n + 1), KMPC_THING * (long)keep->things, 2 * points,
+                   cells, turns * cells, 2L * keep->sides, (long)keep->sides, written, 3 * n, 3 * n,
+                   n * slots, 3 * n, (3 + m + 1) * n, 9L, 9L) &&
+               fit(b + 29, "r", n - 1) && reals(b + 22) >= kmpc_fill_room(size, kmpc_kinds(keep));
+    if (tightens) /* speeds, path clearance */
+        fits = fits && n <= KMPC_HORIZON && fit(b + 23, "rr", 2 * n, n);
     const int *places = b[13].buf;
     for (long i = 0; fits && i < written; i++)
         fits = places[i] >= 0 && places[i] < reals(b + 14);
@@ -165,52 +187,62 @@ static int fill(Py_buffer *b, const double *n) /* in the order of kernels/librar
                                    b[3].buf, b[20].buf, b[21].buf, n[21], n[22] != 0.0};
     const struct kmpc_qp qp = {b[13].buf, b[14].buf, b[15].buf, b[16].buf,
                                b[17].buf, b[18].buf, b[19].buf, b[29].buf};
-    const struct kmpc_plan_margins tight = {
-        {2, (int)n[11], b[25].buf, or_null(b + 26), b[27].buf, or_null(b + 28), n[13], n[14], n[15],
-         n[16], n[17], (int)n[12]},
-        b[23].buf, b[24].buf, n[18], n[19], n[20]};
+    struct kmpc_plan_margins tight = {.speeds = b[23].buf, .path_clearance = b[24].buf,
+                                      .widest = n[18], .far_clearance = n[19], .side_margin = n[20]};
+    if (tightens && !noise_of(&tight.noise, b + 25, n + 11))
+        return 0;
     kmpc_fill(&size, &keep, tightens ? &tight : NULL, &plan, &qp, b[22].buf);
+    return 1;
+}
+
+/* by x, states, inputs, normals, path clearance, noise, margins */
+static int tube_margins(Py_buffer *b, const double *n)
+{
+    struct kmpc_noise noise;
+    const long turns = (long)n[0], stages = reals(b + 4), columns = stages ? reals(b + 9) / stages : 0;
+    if ((turns != 2 && turns != 3) || stages > KMPC_HORIZON || !noise_of(&noise, b + 5, n + 1) ||
+        !fit(b, "rrrrr----r", 9 * stages, 3 * (stages + 1), 2 * stages, turns * stages * columns,
+             stages, stages * columns))
+        return 0;
+    kmpc_tube_margins(&noise, (int)stages, (int)columns, (int)columns, (int)turns, b[0].buf,
+                      b[1].buf, b[2].buf, b[3].buf, b[4].buf, b[9].buf);
     return 1;
 }
 
 /* distances, turns, position, heading, errors */
 static int stop_errors(Py_buffer *b, const double *n)
 {
-    const int periods = (int)n[0];
-    const long motions = periods > 0 ? reals(b) / periods : 0;
-    const int fits = holds(b, motions * periods) && holds(b + 1, motions * periods) &&
-                     holds(b + 2, 4) && holds(b + 3, 4) && holds(b + 4, motions * periods);
-    if (fits)
-        kmpc_stop_errors((int)motions, periods, n[1], b[0].buf, b[1].buf, b[2].buf, b[3].buf, n[2],
-                         n[3], n[4], b[4].buf);
-    return fits;
+    const long periods = (long)n[0], motions = periods > 0 ? reals(b) / periods : 0;
+    const long all = motions * periods;
+    if (!fit(b, "rrrrr", all, all, 4L, 4L, all))
+        return 0;
+    kmpc_stop_errors((int)motions, (int)periods, n[1], b[0].buf, b[1].buf, b[2].buf, b[3].buf, n[2],
+                     n[3], n[4], b[4].buf);
+    return 1;
 }
 
 static int samples(Py_buffer *b, const double *n) /* states, poses */
 {
-    const int motions = (int)n[0], count = (int)n[1];
-    const long periods = motions > 0 ? reals(b) / (3L * motions) - 1 : -1;
-    const int fits = periods >= 0 && count > 0 && holds(b, 3 * motions * (periods + 1)) &&
-                     holds(b + 1, 3 * motions * periods * count);
-    if (fits)
-        kmpc_samples(motions, (int)periods, count, b[0].buf, b[1].buf);
-    return fits;
+    const long motions = (long)n[0], count = (long)n[1];
+    const long periods = motions > 0 ? reals(b) / (3 * motions) - 1 : -1;
+    if (count < 1 || !fit(b, "rr", 3 * motions * (periods + 1), 3 * motions * periods * count))
+        return 0;
+    kmpc_samples((int)motions, (int)periods, (int)count, b[0].buf, b[1].buf);
+    return 1;
 }
 
 static int between_samples(Py_buffer *b, const double *n) /* clearance, standing, at, begin, out */
 {
-    const int motions = (int)n[0];
-    const long places = reals(b + 3) / 2;
-    const long samples = motions > 0 && places ? reals(b + 2) / (2L * motions * places) : 0;
+    const long motions = (long)n[0], places = reals(b + 3) / 2;
+    const long samples = motions > 0 && places ? reals(b + 2) / (2 * motions * places) : 0;
     const long things = samples ? reals(b + 1) / (samples * places) : 0;
-    const long cells = motions * samples * places * things;
-    const int fits = holds(b, cells) && holds(b + 1, samples * places * things) &&
-                     holds(b + 2, 2 * motions * samples * places) && holds(b + 3, 2 * places) &&
-                     holds(b + 4, cells);
-    if (fits)
-        kmpc_between_samples(motions, (int)samples, (int)places, (int)things, b[0].buf, b[1].buf,
-                             b[2].buf, b[3].buf, n[1], b[4].buf);
-    return fits;
+    const long row = samples * places * things;
+    if (!fit(b, "rrrrr", motions * row, row, 2 * motions * samples * places, 2 * places,
+             motions * row))
+        return 0;
+    kmpc_between_samples((int)motions, (int)samples, (int)places, (int)things, b[0].buf, b[1].buf,
+                         b[2].buf, b[3].buf, n[1], b[4].buf);
+    return 1;
 }
 
 /* clearance, margins, error, travel, ends, clear */
@@ -218,45 +250,38 @@ static int surely_clear(Py_buffer *b, const double *n)
 {
     const long motions = reals(b + 2), samples = motions ? reals(b + 1) / motions : 0;
     const long rows = motions * samples, cells = rows ? reals(b) / rows : 0;
-    const int fits = holds(b, motions * samples * cells) && holds(b + 1, motions * samples) &&
-                     holds(b + 3, motions) && holds_ints(b + 4, motions) && b[5].len == motions;
-    if (fits)
-        kmpc_surely_clear((int)motions, (int)samples, (int)cells, b[0].buf, b[1].buf, b[2].buf,
-                          b[3].buf, b[4].buf, n[0], b[5].buf);
-    return fits;
+    if (!fit(b, "rrrrib", rows * cells, rows, motions, motions, motions, motions))
+        return 0;
+    kmpc_surely_clear((int)motions, (int)samples, (int)cells, b[0].buf, b[1].buf, b[2].buf,
+                      b[3].buf, b[4].buf, n[0], b[5].buf);
+    return 1;
 }
 
 /* clearance, standing, spend, margins, driven, error, turns, strict, ends, clear */
 static int admissible(Py_buffer *b, const double *n)
 {
     const long motions = (long)b[7].len, things = (long)b[6].len;
-    const long samples = motions ? reals(b + 3) / motions : 0;
-    const long rows = motions * samples, places = rows ? reals(b + 4) / rows : 0;
-    const long row = places * things;
-    const int fits = holds(b, motions * samples * row) && holds(b + 1, samples * row) &&
-                     holds(b + 2, samples * row) && holds(b + 3, motions * samples) &&
-                     holds(b + 4, motions * samples * places) && holds(b + 5, motions * row) &&
-                     holds_ints(b + 8, motions) && b[9].len == motions;
-    if (fits)
-        kmpc_admissible((int)motions, (int)samples, (int)places, (int)things, (int)n[0], b[0].buf,
-                        b[1].buf, b[2].buf, b[3].buf, b[4].buf, b[5].buf, b[6].buf, b[7].buf,
-                        b[8].buf, n[1], b[9].buf);
-    return fits;
+    const long samples = motions ? reals(b + 3) / motions : 0, rows = motions * samples;
+    const long places = rows ? reals(b + 4) / rows : 0, row = places * things;
+    if (!fit(b, "rrrrrr--ib", rows * row, samples * row, samples * row, rows, rows * places,
+             motions * row, motions, motions))
+        return 0;
+    kmpc_admissible((int)motions, (int)samples, (int)places, (int)things, (int)n[0], b[0].buf,
+                    b[1].buf, b[2].buf, b[3].buf, b[4].buf, b[5].buf, b[6].buf, b[7].buf,
+                    b[8].buf, n[1], b[9].buf);
+    return 1;
 }
 
 /* reach, ends, hits, clear, mount, ring, circles, count */
 static int clusters(Py_buffer *b, const double *n)
 {
     const long beams = reals(b);
-    const int fits = holds(b + 1, 2 * beams) && b[2].len == beams && b[3].len == beams &&
-                     holds(b + 4, 2) && holds_ints(b + 5, beams) &&
-                     holds(b + 6, 3 * (beams / 3 + 1)) && holds_ints(b + 7, 1);
-    if (fits) {
-        const struct kmpc_ring s = {(int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf,
-                                    b[4].buf, n[0], n[1], n[2]};
-        *(int *)b[7].buf = kmpc_clusters(&s, b[5].buf, b[6].buf);
-    }
-    return fits;
+    if (!fit(b + 1, "rbbriri", 2 * beams, beams, beams, 2L, beams, 3 * (beams / 3 + 1), 1L))
+        return 0;
+    const struct kmpc_ring s = {(int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf,
+                                b[4].buf, n[0], n[1], n[2]};
+    *(int *)b[7].buf = kmpc_clusters(&s, b[5].buf, b[6].buf);
+    return 1;
 }
 
 /* circles, sources, after, found, room, room for indices */
@@ -264,59 +289,48 @@ static int follow(Py_buffer *b, const double *n)
 {
     const struct kmpc_walk walk = {n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7]};
     const long circles = reals(b + 1), tracks = reals(b + 2) / KMPC_TRACK, all = tracks + circles;
-    const int fits = holds(b, KMPC_CIRCLE * circles) && holds(b + 2, KMPC_TRACK * tracks) &&
-                     holds_ints(b + 3, circles) &&
-                     holds(b + 4, tracks * circles + tracks + 2 * all) &&
-                     holds_ints(b + 5, tracks + 3 * all);
-    if (fits) {
-        real *costs = b[4].buf, *room = costs + tracks * circles;
-        int *indices = b[5].buf;
-        int *more = indices + tracks;
-        struct kmpc_pairs pairs = {
-            indices, more, more + all, more + 2 * all, room, room + tracks, room + tracks + all};
-        kmpc_follow(&walk, (int)tracks, (int)circles, b[0].buf, b[1].buf, &pairs, costs, b[2].buf,
-                    b[3].buf);
-    }
-    return fits;
+    if (!fit(b, "r-riri", KMPC_CIRCLE * circles, KMPC_TRACK * tracks, circles,
+             tracks * circles + tracks + 2 * all, tracks + 3 * all))
+        return 0;
+    real *costs = b[4].buf, *room = costs + tracks * circles;
+    int *indices = b[5].buf, *more = indices + tracks;
+    struct kmpc_pairs pairs = {
+        indices, more, more + all, more + 2 * all, room, room + tracks, room + tracks + all};
+    kmpc_follow(&walk, (int)tracks, (int)circles, b[0].buf, b[1].buf, &pairs, costs, b[2].buf,
+                b[3].buf);
+    return 1;
 }
 
 /* ranges, along, counts, mount, hits, clear, reach, ends */
 static int told_beams(Py_buffer *b, const double *n)
 {
     const long beams = reals(b);
-    const int fits = holds(b + 1, 2 * beams) && b[2].len == beams && holds(b + 3, 2) &&
-                     b[4].len == beams && b[5].len == beams && holds(b + 6, beams) &&
-                     holds(b + 7, 2 * beams);
-    if (fits)
-        kmpc_told_beams((int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf, n[0], n[1], n[2],
-                        b[4].buf, b[5].buf, b[6].buf, b[7].buf);
-    return fits;
+    if (!fit(b + 1, "rbrbbrr", 2 * beams, beams, 2L, beams, beams, beams, 2 * beams))
+        return 0;
+    kmpc_told_beams((int)beams, b[0].buf, b[1].buf, b[2].buf, b[3].buf, n[0], n[1], n[2],
+                    b[4].buf, b[5].buf, b[6].buf, b[7].buf);
+    return 1;
 }
 
 static int averaged_ranges(Py_buffer *b, const double *n) /* ranges, hits, averaged, deviations */
 {
     const long beams = reals(b);
-    const int fits = b[1].len == beams && holds(b + 2, beams) && holds(b + 3, beams);
-    if (fits)
-        kmpc_averaged_ranges((int)beams, b[0].buf, b[1].buf, n[0], n[1], n[2], b[2].buf, b[3].buf);
-    return fits;
+    if (!fit(b + 1, "brr", beams, beams, beams))
+        return 0;
+    kmpc_averaged_ranges((int)beams, b[0].buf, b[1].buf, n[0], n[1], n[2], b[2].buf, b[3].buf);
+    return 1;
 }
 
-/* Cells of a map: width, side, column, row; whether its arrays are as large, and hold a window. */
+/* Cells of a map: width, side, column, row; whether its arrays are as large. */
 static int cells_of(struct kmpc_cells *c, const double *n, const Py_buffer *state,
-                    const Py_buffer *seen, const Py_buffer *extent, const Py_buffer *taken,
-                    const int *window)
+                    const Py_buffer *seen, const Py_buffer *extent, const Py_buffer *taken)
 {
-    const long cells = (long)state->len, single = (long)sizeof(float);
-    const int width = (int)n[0], height = width > 0 ? (int)(cells / width) : 0;
-    *c = (struct kmpc_cells){height, width, (int)n[2], (int)n[3], n[1], 0.0, state->buf,
+    const long cells = (long)state->len, width = (long)n[0], height = width > 0 ? cells / width : 0;
+    *c = (struct kmpc_cells){(int)height, (int)width, (int)n[2], (int)n[3], n[1], 0.0, state->buf,
                              seen ? seen->buf : NULL, extent ? extent->buf : NULL,
                              taken ? taken->buf : NULL};
-    return cells == (long)height * width && (!seen || seen->len == single * cells) &&
-           (!extent || extent->len == 4 * single * cells) &&
-           (!taken || taken->len == single * cells) &&
-           (!window || (window[0] >= 0 && window[1] <= height && window[2] >= 0 &&
-                        window[3] <= width));
+    return cells == height * width && (!seen || fit(seen, "f", cells)) &&
+           (!extent || fit(extent, "f", 4 * cells)) && (!taken || fit(taken, "f", cells));
 }
 
 static int pass_rays(Py_buffer *b, const double *n) /* state, seen, extent, squares */
@@ -324,46 +338,44 @@ static int pass_rays(Py_buffer *b, const double *n) /* state, seen, extent, squa
     const struct kmpc_rays r = {{n[4], n[5]}, {n[6], n[7]}, {n[8], n[9]}, {n[10], n[11]},
                                 b[3].buf, n[12], n[13] != 0.0};
     struct kmpc_cells c;
-    const int fits = cells_of(&c, n, b, b + 1, b + 2, NULL, NULL) &&
-                     b[3].len == (Py_ssize_t)sizeof(float) * (KMPC_DIRECTIONS + 1);
+    if (!cells_of(&c, n, b, b + 1, b + 2, NULL) || !fit(b + 3, "f", KMPC_DIRECTIONS + 1L))
+        return 0;
     c.clock = n[14];
-    if (fits)
-        kmpc_pass_rays(&c, &r);
-    return fits;
+    kmpc_pass_rays(&c, &r);
+    return 1;
 }
 
 static int mark(Py_buffer *b, const double *n) /* state, seen, extent, taken, points, errors */
 {
     struct kmpc_cells c;
     const long count = reals(b + 5);
-    const int fits = cells_of(&c, n, b, b + 1, b + 2, b + 3, NULL) && holds(b + 4, 2 * count);
+    if (!cells_of(&c, n, b, b + 1, b + 2, b + 3) || !fit(b + 4, "r", 2 * count))
+        return 0;
     c.clock = n[5];
-    if (fits)
-        kmpc_mark(&c, (int)count, b[4].buf, b[5].buf, (int)n[4]);
-    return fits;
+    kmpc_mark(&c, (int)count, b[4].buf, b[5].buf, (int)n[4]);
+    return 1;
 }
 
 static int hit_boxes(Py_buffer *b, const double *n) /* state, extent, low, high, count */
 {
     struct kmpc_cells c;
     const int w[4] = {(int)n[4], (int)n[5], (int)n[6], (int)n[7]};
-    int fits = cells_of(&c, n, b, NULL, b + 1, NULL, w);
-    const long most = fits && w[1] > w[0] && w[3] > w[2] ? (long)(w[1] - w[0]) * (w[3] - w[2]) : 0;
-    fits = fits && holds(b + 2, 2 * most) && holds(b + 3, 2 * most) && holds_ints(b + 4, 1);
-    if (fits)
-        *(int *)b[4].buf = kmpc_hit_boxes(&c, w, b[2].buf, b[3].buf);
-    return fits;
+    const long most = w[1] > w[0] && w[3] > w[2] ? (long)(w[1] - w[0]) * (w[3] - w[2]) : 0;
+    if (!cells_of(&c, n, b, NULL, b + 1, NULL) || w[0] < 0 || w[1] > c.height || w[2] < 0 ||
+        w[3] > c.width || !fit(b + 2, "rri", 2 * most, 2 * most, 1L))
+        return 0;
+    *(int *)b[4].buf = kmpc_hit_boxes(&c, w, b[2].buf, b[3].buf);
+    return 1;
 }
 
 static int rectangles(Py_buffer *b, const double *n) /* cells, open, found, count */
 {
     const int width = (int)n[0];
     const long height = width > 0 ? (long)b[0].len / width : 0, most = width / 2 + 1;
-    const int fits = (long)b[0].len == height * width && holds_ints(b + 1, 2 * most) &&
-                     holds_ints(b + 2, 4 * height * most) && holds_ints(b + 3, 1);
-    if (fits)
-        *(int *)b[3].buf = kmpc_rectangles((int)height, width, b[0].buf, b[1].buf, b[2].buf);
-    return fits;
+    if (!fit(b, "biii", height * width, 2 * most, 4 * height * most, 1L))
+        return 0;
+    *(int *)b[3].buf = kmpc_rectangles((int)height, width, b[0].buf, b[1].buf, b[2].buf);
+    return 1;
 }
 
 /* `time` is that of either `step` or `braking`: no kernel looks at both. */
@@ -371,37 +383,37 @@ static int timed_of(struct kmpc_timed *path, const Py_buffer *b, real time)
 {
     const int poses = (int)reals(b + 1), cusps = (int)reals(b + 2);
     *path = (struct kmpc_timed){poses, cusps, b[0].buf, b[1].buf, b[2].buf, time, time};
-    return path->poses > 1 && holds(b, 3L * path->poses);
+    return path->poses > 1 && fit(b, "r", 3L * poses);
 }
 
 static int locate(Py_buffer *b, const double *n) /* poses, times, cusps, pose, found */
 {
     struct kmpc_timed path;
-    const int fits = timed_of(&path, b, n[0]) && holds(b + 3, 3) && holds(b + 4, 2);
-    if (fits)
-        kmpc_locate(&path, b[3].buf, n[1], n[2], b[4].buf);
-    return fits;
+    if (!timed_of(&path, b, n[0]) || !fit(b + 3, "rr", 3L, 2L))
+        return 0;
+    kmpc_locate(&path, b[3].buf, n[1], n[2], b[4].buf);
+    return 1;
 }
 
 static int along_path(Py_buffer *b, const double *n) /* poses, times, cusps, later, states */
 {
     struct kmpc_timed path;
-    const int count = (int)reals(b + 3), fits = timed_of(&path, b, n[0]) && holds(b + 4, 3L * count);
-    if (fits)
-        kmpc_along_path(&path, count, b[3].buf, n[1], n[2], n[3], n[4] != 0.0, b[4].buf);
-    return fits;
+    const int count = (int)reals(b + 3);
+    if (!timed_of(&path, b, n[0]) || !fit(b + 4, "r", 3L * count))
+        return 0;
+    kmpc_along_path(&path, count, b[3].buf, n[1], n[2], n[3], n[4] != 0.0, b[4].buf);
+    return 1;
 }
 
 static int ways(Py_buffer *b, const double *n) /* usable, factor, cost, towards, room */
 {
     const int width = (int)n[0], goal = (int)n[2];
     const long nodes = (long)b[0].len, height = width > 0 ? nodes / width : 0;
-    const int fits = nodes == height * width && holds(b + 1, nodes) && holds(b + 2, nodes) &&
-                     holds_ints(b + 3, nodes) && holds_ints(b + 4, 2 * nodes) && goal >= 0 &&
-                     goal < nodes;
-    if (fits)
-        kmpc_ways((int)height, width, b[0].buf, b[1].buf, n[1], goal, b[2].buf, b[3].buf, b[4].buf);
-    return fits;
+    if (goal < 0 || goal >= nodes ||
+        !fit(b, "brrii", height * width, nodes, nodes, nodes, 2 * nodes))
+        return 0;
+    kmpc_ways((int)height, width, b[0].buf, b[1].buf, n[1], goal, b[2].buf, b[3].buf, b[4].buf);
+    return 1;
 }
 
 enum { ARRAYS = 30, NUMBERS = 23 }; /* at most */
@@ -412,13 +424,13 @@ static const struct kernel {
     const char *arrays;                                   /* r: read, w: written */
     int numbers;
 } kernels[] = {
-    {"advance", advance, "rrrrw", 0},
-    {"rollout", rollout, "rrrrw", 0},
-    {"linearize", linearize, "rrrrwww", 0},
+    {"rollout", rollout, "rrrrrw", 0},
+    {"linearize", linearize, "rrrrrwwww", 0},
     {"distances", distances, "rrrw", 3},
     {"box_distances", box_distances, "rrrw", 0},
     {"nearest_boxes", nearest_boxes, "rrrwwww", 2},
     {"fill", fill, "rrrrrrrrrrrrrrwwwwwwrrwrrrrrrw", 23},
+    {"tube_margins", tube_margins, "rrrrrrrrrw", 8},
     {"stop_errors", stop_errors, "rrrrw", 5},
     {"samples", samples, "rw", 2},
     {"between_samples", between_samples, "rrrrw", 2},

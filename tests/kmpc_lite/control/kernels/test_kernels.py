@@ -15,15 +15,20 @@ from reference import kernels, scans
 
 import kmpc_lite as kl
 from kmpc_lite.control import kernels as package
-from kmpc_lite.control.kernels import library, scan_library, tube
-from kmpc_lite.control.kernels.fill import Around, Iterate, PlanMargins
-from kmpc_lite.control.knowledge import motion_model
+from kmpc_lite.control.insight import insight
+from kmpc_lite.control.kernels import library, scan_library
+from kmpc_lite.control.kernels.fill import Around, Iterate, Noise, PlanMargins
+from kmpc_lite.control.kernels.predictor import Predictor, motion_in_units
 from kmpc_lite.control.nmpc.fill_qp import keep_out
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.tracks import Follower, Tracks
+from kmpc_lite.model.dictionary import ResponseDictionary
+from kmpc_lite.model.dictionary.terms import terms_of
 from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.motion import ScaledModel
 from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.model.symmetric import find_trigonometry
 from kmpc_lite.scale import Scale
 
 GRID = kl.OccupancyGrid(np.random.default_rng(2).random((12, 12)) < 0.12, 0.1, (-0.4, 0.5, 0.2))
@@ -121,8 +126,9 @@ def asked() -> dict[str, list[tuple[Any, ...]]]:
                 look = np.where(np.arange(180) % 50 < 10 + k % 3, 1.0 + 0.01 * k, np.inf)
                 look[::7] += 0.01
                 around += [walker, kl.LaserScan(look, -np.pi, np.pi / 90, 4.0)]
-                command = controller.step(pose, (1.4, 1.4, 0.5), around).command
-                pose = model.predict(pose, command)
+                plan = controller.step(pose, (1.4, 1.4, 0.5), around)
+                pose = model.predict(pose, plan.command)
+            insight(controller, plan)
     return calls
 
 
@@ -164,12 +170,12 @@ def answers_of_both(name: str, arguments: tuple[Any, ...]) -> list[tuple[np.ndar
 def test_tubes_of_random_plans(delay, stages, lasts):
     random = np.random.default_rng([delay, stages])
     lower = np.tril(random.normal(size=(4, 3, 3)))
-    empty = np.empty((3, 0))
-    noise = tube.Noise(
-        white=0.01 * np.hstack(lower[:2]),
-        lasting=0.01 * random.normal(size=(3, 6)) if lasts else empty,
-        pose=0.003 * lower[2],
-        pose_by_speed=0.002 * lower[3] if lasts else empty,
+    covariances = lower @ lower.swapaxes(1, 2)
+    noise = Noise(
+        white=1e-4 * covariances[:2].reshape(2, 9),
+        lasting=0.01 * lasts * random.random(size=(2, 3)),
+        pose=1e-5 * covariances[2],
+        pose_by_speed=lasts * 4e-6 * covariances[3],
         delay=delay,
         quantile=3.1,
         headway_time=0.05,
@@ -228,20 +234,52 @@ def test_rectangles_of_random_cells_are_alike(seed):
     assert_alike("rectangles", (cells.repeat(2, axis=0),))
 
 
+LAGS = (0.2, 0.5, 0.3), (0.0, 0.6, 0.3, 0.1)
+DICTIONARIES = {
+    "nominal": kl.UnicycleDictionary(),
+    "omni": kl.UnicycleDictionary(3),
+    "lags": kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0, 2, 3), product=True),
+} | {
+    name: ResponseDictionary(
+        kl.UnicycleDictionary(m), *LAGS, terms_of(m), (0.05,) * m, (0.7,) * m, steered
+    )
+    for name, m, steered in (("late", 2, False), ("late omni", 3, False), ("car", 2, True))
+}
+
+
+@pytest.mark.parametrize("scale", [Scale(), Scale(3.0, 0.5)])
 @pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
-def test_symmetric_models_move_alike(integrator):
-    model = replace(kl.nominal_unicycle(0.1), integrator=integrator)
-    form = model.closed_form
-    in_c, random = library.closed_form(form), np.random.default_rng(7)
-    x, w = random.normal(size=(6, 4, 3)), random.normal(size=(6, 4, len(form.motion)))
-    for found, expected in (
-        ((in_c.advance(x, w),), (form.advance(x, w),)),
-        ((in_c.advance(x[0, 0], w[0, 0]),), (form.advance(x[0, 0], w[0, 0]),)),
-        ((in_c.rollout(x[:, 0], w),), (form.rollout(x[:, 0], w),)),
-        (in_c.linearize(x, w), form.linearize(x, w)),
-    ):
-        for a, b in zip(found, expected, strict=True):
-            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
+@pytest.mark.parametrize("dictionary", DICTIONARIES.values(), ids=DICTIONARIES)
+def test_models_predict_alike_in_c(dictionary, integrator, scale):
+    random, scale = np.random.default_rng(7), replace(scale, inputs=dictionary.commands)
+    motion = random.normal(size=(dictionary.input_size, 3))
+    model = symmetric_model(dictionary, motion, integrator)
+    found, expected = motion_in_units(model, scale), ScaledModel(model, scale)
+    assert type(found) is Predictor
+    m, past = dictionary.commands, (6, dictionary.history, dictionary.commands)
+    x, u, before = random.normal(size=(6, 3)), random.normal(size=(6, m)), random.normal(size=past)
+    u[2], before[2] = 0.0, 0.0
+    slopes = zip(found.linearize(x, u, before), expected.linearize(x, u, before), strict=True)
+    pairs = list(slopes)
+    for history in (before, None):
+        pairs.append((found.predict(x, u, history), expected.predict(x, u, history)))
+        one = None if history is None else history[0]
+        pairs.append((found.rollout(x[0], u, one), expected.rollout(x[0], u, one)))
+        many = np.stack([u, 0.5 * u])
+        pairs.append((found.rollout(x[1], many, one), expected.rollout(x[1], many, one)))
+    for a, b in pairs:
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-12)
+    assert np.isnan(found.predict(x, np.full_like(u, np.nan), before)).any(axis=1).all()
+
+
+def symmetric_model(dictionary, motion, integrator) -> kl.KoopmanModel:
+    """A model in which each input leads ahead, to the left and round as it is told."""
+    (one, cos, sin), (ahead, left, turn) = find_trigonometry(dictionary), motion.T
+    h, none = np.zeros((3, len(motion), dictionary.size)), np.zeros((3, len(motion)))
+    h[0, :, cos], h[0, :, sin], h[1, :, sin], h[1, :, cos] = ahead, -left, ahead, left
+    h[2, :, one] = turn
+    a, h = np.zeros((3, dictionary.size)), h.reshape(3, -1)
+    return kl.KoopmanModel(dictionary, 0.1, a, none, h, np.eye(3), True, integrator=integrator)
 
 
 @pytest.mark.parametrize(("height", "width"), [(40, 50), (7, 1), (1, 9)])
@@ -269,7 +307,7 @@ def test_arrays_that_do_not_fit_are_refused():
     import kmpc_lite.control.kernels._kernels as c
 
     for call in (
-        lambda: c.advance(np.zeros(6), np.zeros(2), np.zeros(3), np.zeros(2), np.zeros(2)),
+        lambda: c.rollout(*(np.zeros(n) for n in (6, 2, 3, 2, 0, 6))),
         lambda: c.distances(np.zeros(7), np.zeros(2), np.zeros(1), np.zeros(2), 1, 1, 1),
         lambda: c.samples(np.zeros(6), np.zeros(2), 1, 1),
     ):
@@ -299,10 +337,3 @@ def test_c_is_silent_c99_and_float_is_float(tmp_path, precision):
             shown = subprocess.run(["nm", "-u", made], capture_output=True, text=True, check=True)
             called = set(re.findall(r"U (\w+)", shown.stdout))
             assert not called & {"cos", "sin", "tan", "sqrt", "hypot", "fabs"}, path.name
-
-
-def test_the_driven_model_runs_in_c():
-    model = kl.nominal_unicycle(0.1)
-    driven = motion_model(model, kl.NavigationProblem(), Scale())
-    assert type(driven.closed_form).__name__ == "CompiledForm"
-    assert type(model.closed_form).__name__ == "SymmetricForm"
