@@ -16,6 +16,7 @@ from kmpc_lite.control.kernels.fill import (
     PlanMargins,
 )
 from kmpc_lite.control.kernels.following import Timed
+from kmpc_lite.control.kernels.safe_motion import SLOWER, Brakes, Motions
 from kmpc_lite.control.kernels.scan_library import dense as _dense
 from kmpc_lite.control.kernels.scan_map import Bits
 from kmpc_lite.model.linearization import Linearization
@@ -141,6 +142,26 @@ def stop_errors(
     dense = map(_dense, (distances, turns, position, heading))
     c.stop_errors(*dense, out, distances.shape[-1], dt, *numbers)
     return out
+
+
+def candidates(
+    brakes: Brakes, inputs: Array, hardest: Array, whole: bool, at_once: bool
+) -> Motions:
+    """Motions that begin with a plan's coming command, or with further and slower ones of it.
+
+    `brakes`: of the robot. `inputs`: the plan (N, m). `hardest`: (m,) the coming command that
+    brakes hardest. `whole`: whether with the plan's coming command. `at_once`: whether the robot
+    can stand in the coming period.
+    """
+    *arrays, curvature, longest, further = brakes
+    count, periods, m = further + 2 * SLOWER, further + 2 + longest, inputs.shape[1]
+    flat = np.empty((2 if whole else count) * periods * m)
+    kinds, sizes = np.empty((count, 3), dtype=np.intc), np.empty(2, dtype=np.intc)
+    own = *arrays, _dense(inputs), _dense(hardest), flat, kinds, sizes
+    c.candidates(*own, curvature, longest, further, whole, at_once)
+    count, periods = sizes.tolist()
+    commands, (strict, turns, ends) = flat[: count * periods * m], kinds[:count].T
+    return Motions(commands.reshape(count, periods, m), strict != 0, turns != 0, ends)
 
 
 def samples(states: Array, count: int) -> Array:

@@ -1,10 +1,9 @@
 """The largest share of a plan that a robot can drive and still come to rest clear.
 
 Candidates are the plan's coming command, its shares down to hard braking, and a few further
-commands of the plan; each is followed by a brake: down the ramp on the curve that the robot is on,
-or along the plan's path. They are rolled out to rest with the model and its past commands, and the
-first one that stays clear is driven (`kernels/safe_motion.py` has the law). None: the plan must not
-be driven.
+commands of the plan; each is followed by a brake. They are rolled out to rest with the model and
+its past commands, and the first one that stays clear is driven (`kernels/safe_motion.py` has the
+law). None: the plan must not be driven.
 
 It holds as far as these are true:
 
@@ -27,7 +26,7 @@ import numpy as np
 
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import library
-from kmpc_lite.control.kernels import safe_motion as kernel
+from kmpc_lite.control.kernels.safe_motion import TINY_STEP, Brakes, Motions, samples_a_period
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -57,23 +56,6 @@ class SafeMotion(NamedTuple):
     """Whether the coming command is not the plan's."""
 
 
-class Motions(NamedTuple):
-    """Candidates, the best first."""
-
-    commands: Array
-    """(C, T, 2), to zero."""
-    strict: Array
-    """(C,) whether each must keep its margins, whatever clearance a standing robot has."""
-    free: Array
-    """(C,) whether the coming command's own error does not count."""
-
-    @classmethod
-    def of(cls, commands: Array) -> Motions:
-        """Motions (C, T, 2) without exceptions."""
-        none = np.zeros(len(commands), dtype=bool)
-        return cls(commands, none, none)
-
-
 class SafeMotions:
     """Finds the safe motion of a plan.
 
@@ -90,8 +72,10 @@ class SafeMotions:
         self._footprint = problem.footprint
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
         self._rates = RateLimit(problem)
-        self._within = problem.wheels.within
         self.further = min(round(options.further_time / problem.dt), problem.horizon - 1)
+        rates, sharpest = self._rates, problem.wheels.curvature
+        changes = rates.ramp_step, rates.faster, rates.slower
+        self._brakes = Brakes(*changes, sharpest, rates.longest_ramp, self.further)
 
     def find(self, states: Array, inputs: Array, task: Task) -> SafeMotion:
         """Find what may be driven of a plan from the present pose.
@@ -103,8 +87,8 @@ class SafeMotions:
         if task.margins is None or task.around.is_empty or self._is_far(states[0], ramp, task):
             return SafeMotion(states, inputs, ramp)
         # of a plan that is clear nothing else is rolled out, which is most of the time
-        for batch in (self._whole, self._others):
-            motions = batch(inputs, ramp, task)
+        for whole in (True, False):
+            motions = self._candidates(inputs, whole, task)
             clear = self._are_clear(states[0], motions, task)
             if clear.any():
                 chosen = motions.commands[int(clear.argmax())]
@@ -149,43 +133,13 @@ class SafeMotions:
         """Whether the robot stands in the period in which it is told to."""
         return not (task.model.history or self._rates.active)
 
-    def _whole(self, inputs: Array, ramp: Array, task: Task) -> Motions:
-        """Motions that begin with the plan's coming command."""
-        if self._stands_at_once(task):
-            at_once = np.zeros_like(ramp)
-            at_once[0] = inputs[0]
-            return Motions.of(np.stack([ramp, at_once]))
-        step, longest = self._rates.ramp_step, self._rates.longest_ramp
-        return Motions.of(self._possible(kernel.both_brakes(inputs[:1], inputs, step, longest)))
-
-    def _others(self, inputs: Array, ramp: Array, task: Task) -> Motions:
-        """Further commands of the plan, slower commands, and what turns or brakes alone."""
-        hardest = np.zeros(len(inputs[0]))
-        if self._rates.active:
+    def _candidates(self, inputs: Array, whole: bool, task: Task) -> Motions:
+        """What begins with a plan's coming command, or with further, slower and braking ones."""
+        hardest = np.zeros_like(inputs[0])
+        if self._rates.active and not whole:
             hardest = self._rates.limit(self._rates.ramp(task.last)[0], task.last)
-        first = self._within(kernel.slower_commands(inputs[0], hardest))
-        # a round robot that turns slowly stays where it is: it must get free of what it touches
-        free = np.zeros(len(first), dtype=bool)
-        free[-2] = self._footprint is None
-        if self._stands_at_once(task):
-            motions = np.stack([first, np.zeros_like(first)], axis=1)
-            return Motions(motions, np.zeros(len(first), dtype=bool), free)
-        step, longest = self._rates.ramp_step, self._rates.longest_ramp
-        slower = self._possible(kernel.both_brakes(first, inputs, step, longest))
-        further = [
-            np.concatenate([inputs[: j + 1], self._rates.ramp(inputs[j])])
-            for j in range(1, self.further + 1)
-        ]
-        strict = np.arange(len(further) + len(slower)) < len(further)
-        turned = np.concatenate([np.zeros(len(further), dtype=bool), free.repeat(2)])
-        return Motions(kernel.stacked([*further, *slower]), strict, turned)
-
-    def _possible(self, motions: Array) -> Array:
-        """Brake straight instead of along the plan where the commands would change too fast."""
-        motions = self._within(motions)
-        allowed = kernel.changes_allowed(motions, self._rates.faster, self._rates.slower)
-        allowed[::2] = True
-        return motions[np.where(allowed, np.arange(len(motions)), np.arange(len(motions)) - 1)]
+        at_once = self._stands_at_once(task)
+        return library.candidates(self._brakes, inputs, hardest, whole, at_once)
 
     def _are_clear(self, here: Array, motions: Motions, task: Task) -> Array:
         """Which of the motions from a pose (3,) stay clear, (C,)."""
@@ -196,7 +150,7 @@ class SafeMotions:
         steps = np.diff(states, axis=1)
         distances = np.hypot(steps[..., 0], steps[..., 1])
         longest = float(distances.max())
-        count = kernel.samples_a_period(longest, self._unit)
+        count = samples_a_period(longest, self._unit)
         poses, begin = library.samples(states, count), places_of(self._footprint, here)
         if task.rolls_on is not None:
             poses += task.rolls_on
@@ -208,7 +162,7 @@ class SafeMotions:
             at_rest = self._footprint, here[None]
         clearance = around.clearance(places, times, begin, body) - radius
         needed = margins.of_motions(felt, distances, steps[..., 2]).repeat(count, axis=1)
-        ends = count * (kernel.lengths(commands) + task.model.history)
+        ends = count * (motions.ends + task.model.history)
         # of most motions this is enough to know
         travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
         error = margins.most_of_commands(felt, commands[:, 0]) + felt.pose_error
@@ -219,8 +173,10 @@ class SafeMotions:
             return sure
         standing = around.clearance(begin[None, None], times, begin, at_rest) - radius
         clearance = library.between_samples(clearance, standing, places, begin, self._unit)
-        slopes = around.slopes(begin, here, kernel.TINY_STEP * self._unit, self._footprint)
+        slopes = around.slopes(begin, here, TINY_STEP * self._unit, self._footprint)
         errors = margins.of_commands(felt, commands[:, 0], slopes)
+        # a round robot that turns slowly stays where it is: it must get free of what it touches
+        free = motions.turns & (self._footprint is None)
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
             needed[:, :count] = -np.inf
@@ -230,7 +186,7 @@ class SafeMotions:
             self._options.spend_share * np.maximum(standing - felt.pose_error, 0.0),
             needed,
             np.hypot(*np.moveaxis(places - begin, -1, 0)),
-            np.where(motions.free[:, None, None], -TURN_ALLOWANCE * radius, errors),
+            np.where(free[:, None, None], -TURN_ALLOWANCE * radius, errors),
             around.may_turn,
             motions.strict,
             ends,

@@ -82,6 +82,7 @@ void kmpc_rate_limit(const real *last, real *command);
 /* motions.c */
 struct kmpc_motion_to_rest {
     int length;
+    struct kmpc_tried kind;
     real commands[KMPC_T][2];
 };
 int kmpc_braking(const real *command, real *ramp);

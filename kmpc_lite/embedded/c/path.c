@@ -16,11 +16,8 @@ static const real TURN_LENGTH = R(0.5), TURN_CLEARANCE = R(0.6); /* for the whol
 
 static struct kmpc_timed timed(const struct kmpc_path *path)
 {
-    const struct kmpc_timed out = {
-        path->count,  path->cusps, path->pose[0], path->begins,
-        path->cusp, path->step,  path->braking,
-    };
-    return out;
+    return (struct kmpc_timed){path->count, path->cusps, path->pose[0], path->begins,
+                               path->cusp,  path->step,  path->braking};
 }
 
 /* 1 ahead, -1 backwards, 0 turning on the spot. */

@@ -23,10 +23,7 @@ typedef double real;
 #endif
 
 enum {
-    KMPC_STATES = 3,   /* x, y, heading */
     KMPC_INPUTS = 3,   /* commands at most: speed, turn rate; or two speeds and the turn rate */
-    KMPC_HISTORY = 8,  /* past commands at most */
-    KMPC_SLOTS = 16,   /* half-planes a stage at most */
     KMPC_THING = 7,    /* x, y, radius, vx, vy, spread rate, largest spread */
     KMPC_CIRCLE = 5,   /* x, y, radius, vx, vy */
     KMPC_TRACK = 39,   /* as of kernels/tracks.py */
@@ -70,6 +67,36 @@ void kmpc_distances(int things, const real *thing, int motions, int samples, int
 void kmpc_distances_and_directions(int things, const real *thing, int count, const real *points,
                                    const real *times, real *distance, real *away);
 
+/* ---- brakes.c: motions that end at rest ------------------------------------------------------ */
+
+struct kmpc_brakes {
+    int commands, longest;       /* m; periods of a brake at most */
+    const real *step;            /* (m,) by which a braked command shrinks in a period */
+    const real *faster, *slower; /* (m,) by which commands may change away from zero, towards it */
+    real curvature;              /* that wheels can be steered to; infinite without */
+};
+
+enum { KMPC_SLOWER = 14 }; /* coming commands that are tried instead of a plan's */
+
+struct kmpc_batch { /* candidates, the best first */
+    const struct kmpc_brakes *brakes;
+    const real *inputs;                   /* (stages, m) of the plan */
+    int stages, further;                  /* how many further commands of it are tried */
+    int whole, at_once;                   /* with its coming command; whether the robot can stand */
+    int count, periods, length;           /* of candidates, their commands, their brakes */
+    real first[KMPC_SLOWER][KMPC_INPUTS]; /* slower commands */
+};
+
+struct kmpc_tried { /* of one: must keep its margins; begins with a turn alone; stands by then */
+    int strict, turns, ends;
+};
+
+/* Commands that brake after one, the last zero; how many. */
+int kmpc_ramp(const struct kmpc_brakes *b, const real *command, real *ramp);
+/* Count candidates, and write one (periods, m); `hardest` (m,) brakes hardest in a period. */
+void kmpc_candidates(struct kmpc_batch *batch, const real *hardest);
+void kmpc_candidate(const struct kmpc_batch *batch, int i, real *commands, struct kmpc_tried *kind);
+
 /* ---- boxes.c: rectangles along the axes ------------------------------------------------------ */
 
 void kmpc_box_distances(int boxes, const real *low, const real *high, int count,
@@ -84,8 +111,7 @@ struct kmpc_noise {
     int delay;               /* periods until feedback acts */
     const real *white;       /* (2, 3, 3) covariance of a period's noise, by v^2 and omega^2 */
     const real *lasting;     /* (2, 3) deviations of errors that last, by v and omega */
-    const real *pose;        /* (3, 3) covariance of a measured pose, and by v^2 */
-    const real *pose_speed;
+    const real *pose, *pose_speed; /* (3, 3) covariance of a measured pose, and by v^2 */
     real quantile;           /* standard deviations that are kept */
     real headway_time;       /* time of driving on that is the least margin [s] */
     real touch;              /* radius at which chords cut [m] */

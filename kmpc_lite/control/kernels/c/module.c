@@ -221,6 +221,28 @@ static int stop_errors(Py_buffer *b, const double *n)
     return 1;
 }
 
+/* step, faster, slower, inputs, hardest, commands, kinds, count and periods */
+static int candidates(Py_buffer *b, const double *n)
+{
+    const long m = reals(b), stages = m ? reals(b + 3) / m : 0;
+    const struct kmpc_brakes brakes = {(int)m, (int)n[1], b[0].buf, b[1].buf, b[2].buf, n[0]};
+    struct kmpc_batch batch = {&brakes, b[3].buf, (int)stages, (int)n[2], n[3] != 0, n[4] != 0,
+                               0,       0,        0,           {{0}}};
+    struct kmpc_tried *kinds = b[6].buf;
+    if (m < 2 || m > KMPC_INPUTS || stages <= n[2] || !(n[1] >= 1.0) || !(n[2] >= 0.0) ||
+        !fit(b, "rrrrr--i", m, m, m, m * stages, m, 2L))
+        return 0;
+    kmpc_candidates(&batch, b[4].buf);
+    const long each = batch.periods * m;
+    if (reals(b + 5) < batch.count * each || b[6].len < batch.count * (long)sizeof(*kinds))
+        return 0;
+    for (int i = 0; i < batch.count; i++)
+        kmpc_candidate(&batch, i, (real *)b[5].buf + i * each, kinds + i);
+    ((int *)b[7].buf)[0] = batch.count;
+    ((int *)b[7].buf)[1] = batch.periods;
+    return 1;
+}
+
 static int samples(Py_buffer *b, const double *n) /* states, poses */
 {
     const long motions = (long)n[0], count = (long)n[1];
@@ -432,6 +454,7 @@ static const struct kernel {
     {"fill", fill, "rrrrrrrrrrrrrrwwwwwwrrwrrrrrrw", 23},
     {"tube_margins", tube_margins, "rrrrrrrrrw", 8},
     {"stop_errors", stop_errors, "rrrrw", 5},
+    {"candidates", candidates, "rrrrrwww", 5},
     {"samples", samples, "rw", 2},
     {"between_samples", between_samples, "rrrrw", 2},
     {"surely_clear", surely_clear, "rrrrrw", 1},

@@ -32,8 +32,7 @@ struct mean {
 
 int kmpc_terms(int commands)
 {
-    return commands == 2 ? (int)(sizeof(OF_TWO) / sizeof(*OF_TWO))
-                         : (int)(sizeof(OF_THREE) / sizeof(*OF_THREE));
+    return (int)((commands == 2 ? sizeof(OF_TWO) : sizeof(OF_THREE)) / sizeof(*OF_TWO));
 }
 
 /* The command of an age, in metres and seconds; zero before the first that is known. */
@@ -48,13 +47,6 @@ static real command_of(const struct kmpc_predictor *p, const struct kmpc_sent *s
 }
 
 /* Steered wheels that stand keep the curvature before. */
-static real held_curvature(const struct kmpc_predictor *p, const struct kmpc_sent *sent, int age,
-                           real before)
-{
-    const real speed = command_of(p, sent, age, 0);
-    return M(fabs)(speed) > STANDS ? command_of(p, sent, age, 1) / speed : before;
-}
-
 static struct answer answer_of(const struct kmpc_predictor *p, int group,
                                const struct kmpc_sent *sent)
 {
@@ -66,7 +58,8 @@ static struct answer answer_of(const struct kmpc_predictor *p, int group,
         for (int j = 0; j < (p->steered ? 1 : m); j++)
             out.speed[j] += kernel[age * m + j] * command_of(p, sent, age, j);
         if (p->steered) {
-            held = held_curvature(p, sent, age, held);
+            const real speed = command_of(p, sent, age, 0);
+            held = M(fabs)(speed) > STANDS ? command_of(p, sent, age, 1) / speed : held;
             out.curvature += kernel[age * m + 1] * held;
         }
     }
@@ -182,7 +175,6 @@ void kmpc_linearize(const struct kmpc_predictor *p, const real *x, const struct 
     by_x[2] = -mean.dy * p->state[2] / p->state[0];
     by_x[5] = mean.dx * p->state[2] / p->state[1];
     for (int group = 0; group < p->groups; group++) {
-        const real *kernel = p->kernel + group * p->ages * m;
         const struct answer answer = answer_of(p, group, sent);
         struct led led = {{0}, {{0}}};
         real by[3][KMPC_INPUTS], held = 0;
@@ -194,20 +186,20 @@ void kmpc_linearize(const struct kmpc_predictor *p, const real *x, const struct 
         }
         for (int age = p->ages - 1; age >= 0; age--) {
             real *out = age ? by_past + 3 * m * (age - 1) : by_u;
-            const real *weight = kernel + age * m;
+            const real *weight = p->kernel + (group * p->ages + age) * m;
             real across = 0, turns = weight[m - 1]; /* of the turn rate by the speed, and by itself */
             if (p->steered) {
                 const real soft = p->smoothing[0] * p->smoothing[0];
                 const real speed = command_of(p, sent, age, 0);
                 const real share = (answer.speed[0] * speed + soft) / (speed * speed + soft);
-                held = held_curvature(p, sent, age, held);
+                held = M(fabs)(speed) > STANDS ? command_of(p, sent, age, 1) / speed : held;
                 across = weight[0] * answer.curvature - weight[1] * held * share;
                 turns *= share;
             }
             for (int i = 0; i < 3; i++)
                 for (int j = 0; j < m; j++) {
-                    const real own = by[i][j] * (j == m - 1 ? turns : weight[j]);
-                    const real found = own + (j == 0 ? by[i][m - 1] * across : 0);
+                    const real found = by[i][j] * (j == m - 1 ? turns : weight[j]) +
+                                       (j == 0 ? by[i][m - 1] * across : 0);
                     out[m * i + j] = (group ? out[m * i + j] : 0) +
                                      found * p->command[j] / p->state[i];
                 }
