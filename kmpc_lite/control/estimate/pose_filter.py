@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.control.estimate.history import DrivenPeriod
-from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.types import STATES, Array
+from kmpc_lite.types import Array
 
 
 class PoseEstimate(NamedTuple):
@@ -24,17 +24,12 @@ class PoseEstimate(NamedTuple):
     pose: Array
     """(3,)."""
     covariance: Array
-    """(3, 3), in the map's frame."""
+    """(3, 3), in the robot's frame."""
 
     @property
     def deviation(self) -> float:
         """Standard deviation of each coordinate [m]."""
         return math.sqrt(0.5 * float(self.covariance[0, 0] + self.covariance[1, 1]))
-
-    @property
-    def in_robot(self) -> Array:
-        """The covariance (3, 3) in the robot's frame."""
-        return _turned(self.covariance, -float(self.pose[2]))
 
 
 def estimate(
@@ -51,29 +46,24 @@ def estimate(
     if nobody knows. `model`: predicts. `moved`, `measured`: covariances (3, 3) of the motion in a
     period, and of a measured pose, in the robot's frame. `pose`: (3,) as measured now.
     """
-    spread = _turned(measured, float(pose[2]))
     if last is None or period is None:
-        return PoseEstimate(pose, spread)
+        return PoseEstimate(pose, measured)
     predicted = model.predict(last.pose, period.command, period.earlier)
     if not np.isfinite(predicted).all():
-        return PoseEstimate(pose, spread)
-    dx, dy, _ = (predicted - last.pose).tolist()
-    by_pose = np.eye(STATES)
-    by_pose[:2, 2] = -dy, dx
-    covariance = by_pose @ last.covariance @ by_pose.T + _turned(moved, float(predicted[2]))
-    gain = np.linalg.solve(covariance + spread, covariance).T
-    off = pose - predicted
-    off[2] -= nearest_turn(float(off[2]))
-    found = predicted + gain @ off
+        return PoseEstimate(pose, measured)
+    x, y, heading = predicted.tolist()
+    dx, dy, turned = (predicted - last.pose).tolist()
+    # the last error in the frame that the robot has turned to: one of its heading leads aside
+    ahead, left = rotate(dx, dy, -heading)
+    cos, sin = math.cos(turned), math.sin(turned)
+    carried = np.array(((cos, sin, -left), (-sin, cos, ahead), (0.0, 0.0, 1.0)))
+    covariance = carried @ last.covariance @ carried.T + moved
+    gain = np.linalg.solve(covariance + measured, covariance).T
+    off_x, off_y, off_turn = (pose - predicted).tolist()
+    off_turn -= float(nearest_turn(off_turn))
+    ahead, left, turn = (gain @ (*rotate(off_x, off_y, -heading), off_turn)).tolist()
+    dx, dy = rotate(ahead, left, heading)
     # the heading stays within half a turn of the measured one
-    found[2] += nearest_turn(float(pose[2] - found[2]))
-    left = covariance - gain @ covariance
-    return PoseEstimate(found, 0.5 * (left + left.T))
-
-
-def _turned(covariance: Array, heading: float) -> Array:
-    """A covariance (3, 3) in a frame that is turned back by a heading [rad]."""
-    cos, sin = math.cos(heading), math.sin(heading)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    out: Array = turn @ covariance @ turn.T
-    return out
+    found = np.array((x + dx, y + dy, float(pose[2]) - off_turn + turn))
+    left_over = covariance - gain @ covariance
+    return PoseEstimate(found, 0.5 * (left_over + left_over.T))

@@ -77,7 +77,7 @@ class Predictor(ScaledModel):
         super().__init__(model, scale)
         form, (kernel, terms, smoothing, limits, steered) = model.closed_form, inputs_of
         assert form is not None
-        known = terms_of(model.inputs)
+        known, self._past_shape = terms_of(model.inputs), (self.history, self.inputs)
         sizes = model.inputs, kernel.shape[1], len(kernel), len(terms), len(form.nodes), steered
         self._layout = np.array([*sizes, *map(known.index, terms)], dtype=np.intc)
         motion = inputs_of.by_group(form.motion, model.dictionary)
@@ -86,23 +86,22 @@ class Predictor(ScaledModel):
 
     def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
         """As `KoopmanModel.predict`, in units."""
-        x, u, past = broadcast(x, u, history, self.history, self.inputs)
-        both = np.empty((*x.shape[:-1], 2, STATES))
-        c.rollout(self._layout, self._numbers, dense(x), dense(u), _given(past), both)
-        return both[..., 1, :]
+        commands = np.asarray(u, dtype=float)
+        return self.rollout(x, commands[..., None, :], history)[..., 1, :]
 
     def rollout(self, x0: ArrayLike, inputs: ArrayLike, history: ArrayLike | None = None) -> Array:
         """As `KoopmanModel.rollout`, in units."""
-        commands = np.asarray(inputs, dtype=float)
-        if commands.ndim < 2 or commands.shape[-1] != self.inputs:
-            raise ValueError(f"inputs: expected shape (T, {self.inputs}), got {commands.shape}")
+        x, commands = np.asarray(x0, dtype=float), np.asarray(inputs, dtype=float)
         lead, periods = commands.shape[:-2], commands.shape[-2]
-        now = np.empty((*lead, self.inputs))
-        x, _, past = broadcast(x0, now, history, self.history, self.inputs)
-        if x.shape[:-1] != lead:
-            commands = np.broadcast_to(commands, (*x.shape[:-1], periods, self.inputs))
-        out = np.empty((*x.shape[:-1], periods + 1, STATES))
-        c.rollout(self._layout, self._numbers, dense(x), dense(commands), _given(past), out)
+        past = None if history is None or not self.history else np.asarray(history, dtype=float)
+        # many may begin at one pose, after the same commands
+        if x.shape != (STATES,) or (past is not None and past.shape != self._past_shape):
+            x, _, past = broadcast(x, np.empty((*lead, self.inputs)), past, *self._past_shape)
+            lead = x.shape[:-1]
+            commands = np.broadcast_to(commands, (*lead, periods, self.inputs))
+        out = np.empty((*lead, periods + 1, STATES))
+        given = dense(x), dense(commands), NONE if past is None else dense(past)
+        c.rollout(self._layout, self._numbers, *given, out, periods)
         return out
 
     def linearize(
@@ -113,14 +112,9 @@ class Predictor(ScaledModel):
         lead, by_command = x.shape[:-1], (STATES, self.inputs)
         value, by_x = np.empty((*lead, STATES)), np.empty((*lead, STATES, STATES))
         by_u, by_past = np.empty((*lead, *by_command)), np.empty((*lead, self.history, *by_command))
-        given = dense(x), dense(u), _given(past)
+        given = dense(x), dense(u), NONE if past is None else dense(past)
         c.linearize(self._layout, self._numbers, *given, value, by_x, by_u, by_past)
         return Linearization(value, by_x, by_u, by_past)
-
-
-def _given(past: Array | None) -> Array:
-    """Past commands as the kernels take them."""
-    return NONE if past is None else dense(past)
 
 
 def motion_in_units(model: KoopmanModel, scale: Scale) -> MotionModel:

@@ -91,7 +91,7 @@ class Margins:
         felt = self._felt(inflation, unknown) if unknown or inflation != 1.0 else self.calm
         if state.estimate is None:
             return felt
-        pose = state.estimate.in_robot
+        pose = state.estimate.covariance
         tube = felt.tube._replace(pose=pose, pose_by_speed=np.zeros_like(pose))
         error = self._pose_error_of(0.5 * float(pose[0, 0] + pose[1, 1]))
         return felt._replace(tube=tube, pose_error=error)

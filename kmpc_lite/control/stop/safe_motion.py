@@ -147,11 +147,11 @@ class SafeMotions:
         assert margins is not None and felt is not None
         commands, radius = motions.commands, self._radius
         states = self.rollout(task.model, here, commands, task.past)
-        steps = np.diff(states, axis=1)
+        steps = states[:, 1:] - states[:, :-1]
         distances = np.hypot(steps[..., 0], steps[..., 1])
         longest = float(distances.max())
-        count = samples_a_period(longest, self._unit)
-        poses, begin = library.samples(states, count), places_of(self._footprint, here)
+        count, begin = samples_a_period(longest, self._unit), places_of(self._footprint, here)
+        poses = library.samples(states, count)
         if task.rolls_on is not None:
             poses += task.rolls_on
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)

@@ -17,7 +17,8 @@ from kmpc_lite.control.kernels.clearance import (
     some_move,
     some_spread,
 )
-from kmpc_lite.types import Array
+from kmpc_lite.geometry import rotate
+from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.footprint import Footprint
@@ -129,9 +130,8 @@ class Surroundings:
         if footprint is not None:
             body = footprint, pose + np.pad(steps, ((0, 0), (0, 1)))
         found = self.clearance(moved[:, None], np.zeros(1), here, body)[:, 0]
-        x, y = (found[1:] - found[0]) / step
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        ahead, left = cos * x + sin * y, cos * y - sin * x
-        arms = here - pose[:2]
-        turned = arms[:, :1] * y - arms[:, 1:] * x
-        return np.stack([ahead, left, turned], axis=-1)
+        (x, y), arms = (found[1:] - found[0]) / step, here - pose[:2]
+        out = np.empty((*x.shape, STATES))
+        out[..., 0], out[..., 1] = rotate(x, y, -float(pose[2]))
+        out[..., 2] = arms[:, :1] * y - arms[:, 1:] * x
+        return out

@@ -119,8 +119,8 @@ static int is_clear(const struct judge *judge, const struct kmpc_motion_to_rest 
     real spend[KMPC_AROUND], at[2] = {judge->here[0], judge->here[1]};
     const unsigned char strict = (unsigned char)motion->kind.strict;
     const struct around *around = judge->around;
-    const int things = around->count, periods = rolled_out(judge->here, judge->past, motion, states);
-    const int one = 1;
+    const int one = 1, things = around->count;
+    const int periods = rolled_out(judge->here, judge->past, motion, states);
     for (int k = 0; k < periods; k++) {
         const real *s = states + 3 * k;
         distances[k] = M(hypot)(s[3] - s[0], s[4] - s[1]);

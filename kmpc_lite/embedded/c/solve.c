@@ -114,8 +114,6 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         by_past,       K.pull,        pull_terminal,  K.turn_weight, way->to_goal,
     };
     const struct kmpc_qp qp = {K.places, entries, lower, upper, lower + 3 * KMPC_N, q, start, turn};
-    const int inputs = 3 * KMPC_N;
-    const real *origin = at->states[0];
     kmpc_model_linearize(at->states[0], window, value, by_x, by_u, by_past);
     for (int k = 0; k < KMPC_N; k++)
         memcpy(points + 2 * k, at->states[k + 1], 2 * sizeof(real));
@@ -140,12 +138,12 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
     memcpy(found->duals, y, sizeof(found->duals));
     if (!kmpc_all_within(x, KMPC_VARIABLES, LARGEST) || !kmpc_all_within(y, KMPC_ROWS, LARGEST))
         return "OSQP: solution not finite";
-    memcpy(found->states[0], origin, 3 * sizeof(real));
+    memcpy(found->states[0], at->states[0], 3 * sizeof(real));
     for (int k = 0; k < KMPC_N; k++) {
         for (int i = 0; i < 3; i++)
-            found->states[k + 1][i] = x[3 * k + i] + (i < 2 ? origin[i] : 0);
+            found->states[k + 1][i] = x[3 * k + i] + (i < 2 ? at->states[0][i] : 0);
         for (int i = 0; i < 2; i++) {
-            real u = x[inputs + 2 * k + i];
+            real u = x[3 * KMPC_N + 2 * k + i];
             if (!k && K.limits_changes)
                 u = kmpc_clip(u, last[i] - K.change[i], last[i] + K.change[i]);
             found->inputs[k][i] = kmpc_clip(u, K.u_min[i], K.u_max[i]);

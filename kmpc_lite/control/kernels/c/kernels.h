@@ -82,8 +82,8 @@ struct kmpc_batch { /* candidates, the best first */
     const struct kmpc_brakes *brakes;
     const real *inputs;                   /* (stages, m) of the plan */
     int stages, further;                  /* how many further commands of it are tried */
-    int whole, at_once;                   /* with its coming command; whether the robot can stand */
-    int count, periods, length;           /* of candidates, their commands, their brakes */
+    int whole, at_once;         /* with its coming command; whether the robot can stand */
+    int count, periods, length; /* of candidates, their commands, their brakes */
     real first[KMPC_SLOWER][KMPC_INPUTS]; /* slower commands */
 };
 

@@ -68,15 +68,18 @@ static int predictor_of(struct kmpc_predictor *p, const Py_buffer *layout, const
 static int rollout(Py_buffer *b, const double *n) /* layout, numbers, x0, u, past, states */
 {
     struct kmpc_predictor p;
-    const long count = reals(b + 2) / 3, periods = count ? reals(b + 5) / (3 * count) - 1 : 0;
+    const long periods = (long)n[0], count = periods >= 0 ? reals(b + 5) / (3 * (periods + 1)) : 0;
     if (!predictor_of(&p, b, b + 1))
         return 0;
+    /* many may begin at one pose, after the same commands */
     const long before = (p.ages - 1L) * p.commands, each = periods * p.commands;
-    if (!fit(b + 2, "rror", 3 * count, count * each, count * before, 3 * count * (periods + 1)))
+    const long x = reals(b + 2) == 3 ? 0 : 3, past = reals(b + 4) == before ? 0 : before;
+    if (periods < 0 || !fit(b + 2, "rror", x ? x * count : 3, count * each,
+                            past ? past * count : before, 3 * count * (periods + 1)))
         return 0;
     for (long i = 0; i < count; i++)
-        kmpc_rollout(&p, (int)periods, (int)periods, (real *)b[2].buf + 3 * i, (real *)b[3].buf + i * each,
-                     b[4].len ? (real *)b[4].buf + i * before : NULL,
+        kmpc_rollout(&p, (int)periods, (int)periods, (real *)b[2].buf + x * i,
+                     (real *)b[3].buf + each * i, b[4].len ? (real *)b[4].buf + past * i : NULL,
                      (real *)b[5].buf + 3 * i * (periods + 1));
     return 1;
 }
@@ -446,7 +449,7 @@ static const struct kernel {
     const char *arrays;                                   /* r: read, w: written */
     int numbers;
 } kernels[] = {
-    {"rollout", rollout, "rrrrrw", 0},
+    {"rollout", rollout, "rrrrrw", 1},
     {"linearize", linearize, "rrrrrwwww", 0},
     {"distances", distances, "rrrw", 3},
     {"box_distances", box_distances, "rrrw", 0},

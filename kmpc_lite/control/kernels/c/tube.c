@@ -83,9 +83,8 @@ static void spread(const struct kmpc_noise *noise, int stages, const real *by_x,
                    const real *states, const real *inputs, real *covariance)
 {
     struct carried white, lasting;
-    int lasts = 0;
-    white.columns = 0, lasting.columns = COLUMNS;
-    white.delay = lasting.delay = noise->delay;
+    int lasts = white.columns = 0;
+    lasting.columns = COLUMNS, white.delay = lasting.delay = noise->delay;
     for (int i = 0; i < COLUMNS; i++)
         lasts |= noise->lasting[i] > 0;
     for (int k = 0; k < stages; k++, by_x += 9, states += 3, inputs += 2, covariance += 9) {

@@ -307,7 +307,7 @@ def test_arrays_that_do_not_fit_are_refused():
     import kmpc_lite.control.kernels._kernels as c
 
     for call in (
-        lambda: c.rollout(*(np.zeros(n) for n in (6, 2, 3, 2, 0, 6))),
+        lambda: c.rollout(*(np.zeros(n) for n in (6, 2, 3, 2, 0, 6)), 1),
         lambda: c.distances(np.zeros(7), np.zeros(2), np.zeros(1), np.zeros(2), 1, 1, 1),
         lambda: c.samples(np.zeros(6), np.zeros(2), 1, 1),
     ):
