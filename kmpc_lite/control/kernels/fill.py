@@ -66,8 +66,8 @@ class Noise(NamedTuple):
     """Whether there is any noise in a plan."""
 
 
-FACTORS = 4
-"""How many of them are arrays, the first."""
+NOISE_ARRAYS = 4
+"""How many of these are arrays, the first."""
 
 
 class PlanMargins(NamedTuple):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
 from kmpc_lite.control.kernels.fill import (
-    FACTORS,
+    NOISE_ARRAYS,
     Around,
     Iterate,
     KeepOut,
@@ -91,7 +91,7 @@ def fill(
         np.empty(stages * per_stage + 3 * (stages + 1)),
         _dense(plan.speeds),
         path,
-        *noise[:FACTORS],
+        *noise[:NOISE_ARRAYS],
         turn,
         stages,
         lin.B_past.shape[1],
@@ -104,7 +104,7 @@ def fill(
         keep.dt,
         keep.range,
         margins is not None,
-        *noise[FACTORS:],
+        *noise[NOISE_ARRAYS:],
         widest,
         far,
         side,
@@ -125,7 +125,7 @@ def tube_margins(
     """
     out, directions = np.empty(normals.shape[:2]), normals.shape[2]
     given = map(_dense, (by_x, states, inputs, normals, path_clearance))
-    c.tube_margins(*given, *noise[:FACTORS], out, directions, *noise[FACTORS:])
+    c.tube_margins(*given, *noise[:NOISE_ARRAYS], out, directions, *noise[NOISE_ARRAYS:])
     return out
 
 

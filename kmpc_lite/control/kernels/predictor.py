@@ -40,17 +40,17 @@ class Inputs(NamedTuple):
     @classmethod
     def of(cls, dictionary: Dictionary) -> Inputs | None:
         """Inputs of a dictionary; none of one whose inputs are others."""
-        m = dictionary.commands
+        m, own = dictionary.commands, type(dictionary).inputs
         plain = (1.0,) * m, (math.inf,) * m
-        if isinstance(dictionary, ResponseDictionary):
+        if isinstance(dictionary, ResponseDictionary) and own is ResponseDictionary.inputs:
             shapes = dictionary.smoothing, dictionary.limits, dictionary.steered
             return cls(dictionary.kernel[None], dictionary.terms, *shapes)
-        if isinstance(dictionary, InputHistoryDictionary):
+        if isinstance(dictionary, InputHistoryDictionary) and own is InputHistoryDictionary.inputs:
             lags = np.array(dictionary.lags)
             kernel = np.zeros((len(lags), dictionary.history + 1, m))
             kernel[np.arange(len(lags)), lags] = 1.0
             return cls(kernel, terms_of(m)[: m + dictionary.product], *plain)
-        if dictionary.input_size != m or type(dictionary).inputs is not Dictionary.inputs:
+        if own is not Dictionary.inputs or dictionary.input_size != m:
             return None
         return cls(np.ones((1, 1, m)), terms_of(m)[:m], *plain)
 

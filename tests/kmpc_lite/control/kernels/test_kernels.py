@@ -272,6 +272,15 @@ def test_models_predict_alike_in_c(dictionary, integrator, scale):
     assert np.isnan(found.predict(x, np.full_like(u, np.nan), before)).any(axis=1).all()
 
 
+def test_inputs_of_ones_own_are_left_to_their_class():
+    class Own(ResponseDictionary):
+        def inputs(self, u, history=None):
+            return 0.5 * super().inputs(u, history)
+
+    model = symmetric_model(Own(kl.UnicycleDictionary()), np.eye(2, 3), "rk4")
+    assert type(motion_in_units(model, Scale())) is ScaledModel
+
+
 def symmetric_model(dictionary, motion, integrator) -> kl.KoopmanModel:
     """A model in which each input leads ahead, to the left and round as it is told."""
     (one, cos, sin), (ahead, left, turn) = find_trigonometry(dictionary), motion.T

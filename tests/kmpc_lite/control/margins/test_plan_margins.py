@@ -8,7 +8,7 @@ from kmpc_lab import DifferentialDrive
 from kmpc_lite import NavigationProblem, nominal_unicycle
 from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN
 from kmpc_lite.control.options import MarginOptions
-from kmpc_lite.model.tube import FORWARD, LATERAL, MEMORY, STILL, TURN
+from kmpc_lite.model.tube import MEMORY, closed_loop
 
 HEADWAY = MarginOptions().headway * PROBLEM.robot_radius
 RESERVE = SOLVER_MARGIN * PROBLEM.robot_radius
@@ -56,7 +56,7 @@ def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
     lin, states, inputs = plan(model, v, omega)
     wary = Wary(model, PROBLEM, risk=risk, headway=0.0)
     covariances = wary.covariances(lin, states, inputs)
-    closed = naive_feedback(lin, states)
+    closed = closed_loop(lin.A, *(f(states[:-1, 2]) for f in (np.cos, np.sin))) - lin.A
     gains = np.linalg.pinv(lin.B) @ closed
     plant = DifferentialDrive(slip, seed=99)
     x = np.tile(states[0], (trials, 1))
@@ -73,19 +73,3 @@ def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
             worst = np.maximum(worst, np.sqrt(score))
     assert outside.max() <= risk
     assert (worst > wary.quantile).mean() <= risk + 3 * np.sqrt(risk / trials)
-
-
-def naive_feedback(lin, states):
-    out = []
-    for k in range(len(lin.A)):
-        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
-        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        drift = np.array([-s, c]) @ lin.A[k][:2, 2]
-        out.append(
-            turn
-            @ np.array(
-                [[-FORWARD, 0, 0], [0, 0, 0], [0, -LATERAL * drift / (drift**2 + STILL**2), -TURN]]
-            )
-            @ turn.T
-        )
-    return np.array(out)
