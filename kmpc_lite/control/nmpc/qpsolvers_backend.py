@@ -5,7 +5,7 @@ qpsolvers sets each problem up anew, so that nothing but the warm start passes f
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,22 +31,6 @@ REGULARISATION = 1e-8
 """Added to the diagonal of the cost for these."""
 
 
-class _Split(NamedTuple):
-    """The rows as qpsolvers wants them, ``G x <= h`` and ``E x = b``."""
-
-    equal: Array
-    above: Array
-    below: Array
-    """Numbers of the rows that are equalities, and that have an upper and a lower bound."""
-    G: sp.csc_matrix
-    G_from: Array
-    E: sp.csc_matrix
-    E_from: Array
-    """Matrices, and where their entries stand in those of A."""
-    G_sign: Array
-    """Minus one for lower bounds."""
-
-
 class QpsolversBackend(QPSolver):
     """One QP, given to a solver by its name.
 
@@ -69,32 +53,26 @@ class QpsolversBackend(QPSolver):
         self.name, self.tolerance = name, tolerance
         self.can_be_stopped = name in TIME_LIMIT_NAMES
         self._settings = dict.fromkeys(TOLERANCE_NAMES.get(name, ()), tolerance)
-        # entries by their numbers, from one on: so a change of form tells where each has gone
-        self._numbered = _numbered(A).tocsr()
-        upper = _numbered(P)
-        self._P = sp.csc_matrix(upper + sp.triu(upper, 1).T, dtype=float)
-        self._P_from = self._P.data.astype(int) - 1
-        weight = REGULARISATION if name in POSITIVE_DEFINITE_ONLY else 0.0
-        self._regularisation = sp.csc_matrix(weight * sp.eye(self.n))
+        self._upper, self._rows = P.copy(), A.copy()
+        self._weight = REGULARISATION if name in POSITIVE_DEFINITE_ONLY else 0.0
         self._dense = name not in qpsolvers.sparse_solvers
-        self._split: tuple[bytes, _Split] | None = None
 
     def _solve(self, data: QPData, time_limit: float | None) -> QPSolution:
         import qpsolvers
 
-        q, lower, upper, Ax, x, _, Px = data
-        assert Px is not None
-        split = self._split_rows(lower, upper)
-        split.G.data[:] = split.G_sign * Ax[split.G_from]
-        split.E.data[:] = Ax[split.E_from]
-        self._P.data[:] = Px[self._P_from]
+        q, lower, upper, self._rows.data, x, _, self._upper.data = data
+        # NumPy and SciPy have the same names for what follows
+        form = np if self._dense else sp
+        rows, P = (m.toarray() if self._dense else m.tocsr() for m in (self._rows, self._upper))
+        equal = lower == upper
+        above, below = (upper < INFINITY) & ~equal, (lower > -INFINITY) & ~equal
         problem = qpsolvers.Problem(
-            self._in_form(self._P + self._regularisation),
+            self._in_form(P + form.triu(P, 1).T + self._weight * form.eye(self.n)),
             q,
-            self._in_form(split.G),
-            np.concatenate([upper[split.above], -lower[split.below]]),
-            self._in_form(split.E) if len(split.equal) else None,
-            upper[split.equal] if len(split.equal) else None,
+            self._in_form(form.vstack([rows[above], -rows[below]])),
+            np.concatenate([upper[above], -lower[below]]),
+            self._in_form(rows[equal]) if equal.any() else None,
+            upper[equal] if equal.any() else None,
         )
         settings: dict[str, Any] = dict(self._settings)
         if time_limit is not None and self.can_be_stopped:
@@ -106,21 +84,20 @@ class QpsolversBackend(QPSolver):
             return self._failed(f"{self.name}: {error}")
         if found.x is None or not np.isfinite(found.x).all():
             return self._failed(f"{self.name}: no solution")
-        return self._solution(found, split)
+        return self._solution(found, equal, above, below)
 
-    def _in_form(self, matrix: sp.csc_matrix) -> Any:
+    def _in_form(self, matrix: Any) -> Any:
         """A matrix as the solver takes it: sparse, or dense."""
-        return matrix.toarray() if self._dense else matrix
+        return matrix if self._dense else sp.csc_matrix(matrix)
 
-    def _solution(self, found: Any, split: _Split) -> QPSolution:
-        """The answer of qpsolvers in our form."""
-        duals = np.zeros(self.m)
-        count = len(split.above)
+    def _solution(self, found: Any, equal: Array, above: Array, below: Array) -> QPSolution:
+        """The answer of qpsolvers in our form, from which rows (m,) are which."""
+        duals, count = np.zeros(self.m), np.count_nonzero(above)
         if found.z is not None and len(found.z):
-            duals[split.above] += found.z[:count]
-            duals[split.below] -= found.z[count:]
+            duals[above] += found.z[:count]
+            duals[below] -= found.z[count:]
         if found.y is not None and len(found.y):
-            duals[split.equal] = found.y
+            duals[equal] = found.y
         if not np.isfinite(duals).all():
             return self._failed(f"{self.name}: multipliers not finite")
         if found.found:
@@ -128,31 +105,3 @@ class QpsolversBackend(QPSolver):
         left = float(found.primal_residual()), float(found.dual_residual())
         why = f"{self.name}: not solved to its tolerance"
         return QPSolution(QPStatus.STOPPED_EARLY, np.array(found.x), duals, 0, *left, why)
-
-    def _split_rows(self, lower: Array, upper: Array) -> _Split:
-        """Part the rows by their bounds; known again while the same rows are bounded."""
-        equal = lower == upper
-        above, below = (upper < INFINITY) & ~equal, (lower > -INFINITY) & ~equal
-        key = np.concatenate([equal, above, below]).tobytes()
-        if self._split is None or self._split[0] != key:
-            equal, above, below = (np.flatnonzero(mask) for mask in (equal, above, below))
-            E = sp.csc_matrix(self._numbered[equal])
-            G = sp.vstack([self._numbered[above], -self._numbered[below]], format="csc")
-            split = _Split(
-                equal,
-                above,
-                below,
-                sp.csc_matrix(G, dtype=float),
-                np.abs(G.data) - 1,
-                sp.csc_matrix(E, dtype=float),
-                E.data - 1,
-                np.sign(G.data).astype(float),
-            )
-            self._split = key, split
-        return self._split[1]
-
-
-def _numbered(matrix: sp.csc_matrix) -> sp.csc_matrix:
-    """The same entries, numbered from one on."""
-    numbers = np.arange(1, matrix.nnz + 1)
-    return sp.csc_matrix((numbers, matrix.indices, matrix.indptr), matrix.shape)
