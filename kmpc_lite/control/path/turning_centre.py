@@ -15,7 +15,7 @@ import numpy as np
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.types import Array
+from kmpc_lite.types import STATES, Array
 
 CENTRE_HEADINGS = 8
 """At so many headings the model is asked for a turn on the spot, to either side."""
@@ -34,12 +34,12 @@ TINY = 1e-12
 def turning_centre(model: MotionModel, problem: NavigationProblem) -> Array | None:
     """Place of the turning centre as seen from the tracked pose, by the model.
 
-    What the model predicts for turns on the spot at several headings is compared with circles about
-    a point that is fixed to the robot: least squares in its two coordinates.
+    How the model moves the pose with the turn rate, at several headings, is what a turn about a
+    point that is fixed to the robot does: least squares in its two coordinates.
 
-    `model`: with an input history it is asked for what it does once a command has been held that
-    long. `problem`: command bounds. Returns (2,) ahead and to the left [m]; None if it is the pose
-    itself, or where the motion is no turn about a point.
+    `model`: with an input history, once a command has been held that long. `problem`: command
+    bounds. Returns (2,) ahead and to the left [m]; None if it is the pose itself, or where the
+    motion is no turn about a point.
 
     Examples
     --------
@@ -47,42 +47,25 @@ def turning_centre(model: MotionModel, problem: NavigationProblem) -> Array | No
     >>> turning_centre(nominal_unicycle(0.1), NavigationProblem()) is None
     True
     """
-    cos, sin, dx, dy = _turns(model, problem, CENTRE_HEADINGS)
-    weight = float(cos @ cos + sin @ sin)
-    if not 0.0 < weight < np.inf:
+    poses, at_rest = np.zeros((CENTRE_HEADINGS, STATES)), np.zeros((CENTRE_HEADINGS, model.inputs))
+    poses[:, 2] = math.tau / CENTRE_HEADINGS * np.arange(CENTRE_HEADINGS) - math.pi
+    past = at_rest[:, None].repeat(model.history, axis=1)
+    lin = model.linearize(poses, at_rest, past)
+    moved = (lin.B + lin.B_past.sum(axis=1))[..., -1]
+    ahead, left = rotate(moved[:, 0], moved[:, 1], -poses[:, 2])
+    turned = moved[:, 2]
+    weight = float(turned @ turned)
+    if not (0.0 < weight < np.inf and problem.wheels.turns_on_the_spot):
         return None
-    point: Array = np.array([cos @ dx + sin @ dy, cos @ dy - sin @ dx]) / weight
+    # turning by a little moves the pose across its arm from the point
+    point: Array = np.array([-turned @ left, turned @ ahead]) / weight
     explained = weight * float(point @ point)
-    unexplained = float(dx @ dx + dy @ dy) - explained
+    unexplained = float(ahead @ ahead + left @ left) - explained
     least = max(CENTRE_DISTANCE**2, CENTRE_CERTAINTY**2 * _variance(model, problem))
     # the comparisons are also false for NaN
     if not (point @ point >= least and explained >= CENTRE_SHARE * unexplained):
         return None
     return _without_gains(model, point)
-
-
-def _turns(
-    model: MotionModel, problem: NavigationProblem, headings: int
-) -> tuple[Array, Array, Array, Array]:
-    """Turns on the spot to both sides, compared at each heading.
-
-    Returns `cos`, `sin`, `dx`, `dy`: (H,) each: by how much cosine and sine of the heading after a
-    left turn are less than after a right turn, and by how much farther the pose has moved [m]. What
-    is the same for both turns is no turn; a turn about a point moves the pose by (R(before) -
-    R(after)) point.
-    """
-    u_min, u_max, _, _ = problem.bounds
-    commands = np.zeros((2, headings, model.inputs))
-    commands[:, :, -1] = [[u_min[-1]], [u_max[-1]]]
-    before = math.tau / headings * np.arange(headings) - math.pi
-    poses = np.zeros((2, headings, 3))
-    poses[..., 2] = before
-    history = np.repeat(commands[:, :, None], model.history, axis=2)
-    moved = model.predict(poses, commands, history) - poses
-    after = before + moved[..., 2]
-    cos, sin = -np.diff(np.cos(after), axis=0).ravel(), -np.diff(np.sin(after), axis=0).ravel()
-    dx, dy = np.diff(moved[..., :2], axis=0).reshape(-1, 2).T
-    return cos, sin, dx, dy
 
 
 def _variance(model: MotionModel, problem: NavigationProblem) -> float:
