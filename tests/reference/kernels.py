@@ -13,6 +13,7 @@ from kmpc_lite.model.tube import MEMORY, Carried, closed_loop, rotations
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5
 LEAST_DISTANCE, AT_CENTRE = 1e-9, 1e-9
 LEAVES = 0.5
+SHARES = np.array((28, 24, 20, 16, 12, 8, 6, 4, 3, 2, 1)) / 32.0
 """A motion leaves a thing if its clearance grows by this share of what is driven."""
 
 
@@ -243,6 +244,62 @@ def stop_errors(distances, turns, dt, position, heading, rare, usual, reach):
     if reach:
         errors += reach * added_up(rates, heading[:2], heading[2:], rare, usual)
     return errors
+
+
+def candidates(brakes, inputs, hardest, whole, at_once):
+    step, faster, slower, curvature, longest, further = brakes
+    further = 0 if whole or at_once else further
+
+    def sizes(commands):
+        return (np.abs(commands) / step).max(axis=-1)
+
+    def periods(commands):
+        return int(np.clip(np.ceil(sizes(commands) - TINY).max(), 1, longest))
+
+    def within(commands):
+        most = curvature * np.abs(commands[..., :1]) if curvature < np.inf else np.inf
+        return np.concatenate([commands[..., :-1], np.clip(commands[..., -1:], -most, most)], -1)
+
+    def straight(first, length):
+        shares = np.maximum(1.0 - np.arange(1, length + 1) / max(sizes(first), TINY), 0.0)
+        return np.append(shares[:-1], 0.0)[:, None] * first
+
+    def along(first, length):
+        size, own = sizes(inputs), sizes(first)
+        left = np.append(np.maximum(own - np.arange(1, length), 0.0), 0.0)
+        if not (drives := size > TINY).any():
+            return straight(first, length)
+        middles, places = (np.cumsum(size) - 0.5 * size)[drives], own + np.cumsum(left) - 0.5 * left
+        directions = (inputs[drives] / size[drives, None]).T
+        ramp = left[:, None] * np.stack(
+            [np.interp(places, middles, d) for d in directions], axis=-1
+        )
+        ramp = within(ramp)
+        before = np.concatenate([first[None], ramp[:-1]])
+        most = np.where((ramp - before) * before < 0.0, slower, faster) * (1.0 + TINY) + TINY
+        return ramp if (np.abs(ramp - before) <= most).all() else straight(first, length)
+
+    m, firsts = inputs.shape[1], inputs[:1]
+    if not whole:
+        change, turn = inputs[0] - hardest, np.append(np.zeros(m - 1), inputs[0, -1] - hardest[-1])
+        firsts = np.concatenate([np.outer(SHARES, change), np.outer((1.0, 0.25, 0.0), turn)])
+        firsts = within(hardest + firsts)
+    length = periods(firsts)
+    found = [
+        np.concatenate([inputs[: j + 1], straight(inputs[j], periods(inputs[j]))])
+        for j in range(1, further + 1)
+    ]
+    turns = [False] * further
+    for i, first in enumerate(firsts):
+        brakes = [straight(first, length)] if whole or not at_once else []
+        brakes.append(np.zeros((1, m)) if at_once else along(first, length))
+        found += [np.concatenate([first[None], brake]) for brake in brakes]
+        turns += [not whole and i == len(firsts) - 2] * len(brakes)
+    out = np.zeros((len(found), max(map(len, found)), m))
+    for row, motion in zip(out, found, strict=True):
+        row[: len(motion)] = motion
+    ends = ((out != 0.0).any(axis=2) * np.arange(1, out.shape[1] + 1)).max(axis=1)
+    return out, np.arange(len(out)) < further, np.array(turns), ends
 
 
 def samples(states, count):

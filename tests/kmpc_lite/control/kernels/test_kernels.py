@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from kmpc_lite.control.insight import insight
 from kmpc_lite.control.kernels import library, scan_library
 from kmpc_lite.control.kernels.fill import Around, Iterate, Noise, PlanMargins
 from kmpc_lite.control.kernels.predictor import Predictor, motion_in_units
+from kmpc_lite.control.kernels.safe_motion import Brakes
 from kmpc_lite.control.nmpc.fill_qp import keep_out
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.options import TrackerOptions
@@ -150,6 +152,8 @@ def test_alike_on_hostile_arrays(asked, name, hostile):
                 continue
             if name == "fill" and np.isnan(hostile):
                 continue  # where NaN sorts is no decision: the QP refuses it
+            if name == "candidates" and not np.isfinite(hostile):
+                continue  # nor is how such a command is braked from: no plan holds one
             bad = spoilt.copy()
             bad.flat[random.integers(bad.size)] = hostile
             changed = (*arguments[:i], bad, *arguments[i + 1 :])
@@ -200,6 +204,19 @@ def test_tubes_of_random_plans(delay, stages, lasts):
     margins = PlanMargins(noise, 1e9, 1.0, 0.01, kept)
     plan = Iterate(states, inputs, states, inputs, True)
     assert_alike("fill", (keep_out(problem, 9), margins, qp.numbers, lin, plan, around))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_motions_to_rest_of_random_plans_are_alike(seed):
+    """Of cars and omnis, too, of plans that stand for a while, and of ramps of any length."""
+    random, m = np.random.default_rng(seed), 2 + (seed % 3 == 0)
+    steps = random.uniform(0.02, 0.3, (3, m))
+    curvature = 0.3 if seed % 3 == 1 else np.inf
+    brakes = Brakes(*steps[:2], steps[1:].max(axis=0), curvature, 40, seed % 4)
+    inputs = np.cumsum(random.normal(size=(10, m)), axis=0) * 0.2
+    inputs[random.integers(1, 10, 3)] = 0.0
+    for whole, at_once in product((True, False), repeat=2):
+        assert_alike("candidates", (brakes, inputs, 0.5 * inputs[0], whole, at_once))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -181,16 +181,6 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
     np.testing.assert_allclose(np.diff(values), np.diff(definitions), rtol=1e-9, atol=1e-8)
 
 
-def test_half_planes_that_are_not_in_use_are_finite_and_never_bind() -> None:
-    qp = NavigationQP(make_problem(4), 0, 3)
-    numbers = draw(np.random.default_rng(1), 4, 0, 3)
-    unused = numbers._replace(normals=np.zeros((4, 3, 2)), offsets=np.full((4, 3), -np.inf))
-    write(qp, unused)
-    assert np.isfinite(qp.lower[qp.half_plane_rows]).all()
-    assert (qp.lower[qp.half_plane_rows] <= -100.0).all()
-    assert not qp.A.toarray()[qp.half_plane_rows.ravel()][:, : qp.slack_columns[0]].any()
-
-
 @pytest.mark.parametrize("du_max", [(1.0, 4.0), (np.inf, 2.0), (0.5, np.inf)])
 def test_changes_of_commands_are_rows_where_they_are_limited(du_max: tuple[float, float]) -> None:
     free, problem = NavigationQP(make_problem(5), 1, 2), replace(make_problem(5), du_max=du_max)
