@@ -33,23 +33,23 @@ enum {
 /* ---- predictor.c: a symmetric model of a robot that answers late and slips -------------------- */
 
 struct kmpc_predictor {
-    int commands, ages;    /* numbers of a command, m; commands that act in a period, L + 1 */
-    int groups, terms;     /* sets of terms, each of commands filtered otherwise; of each set */
-    int nodes;             /* stages of the integrator */
-    int steered;           /* whether turn rates follow from filtered curvatures */
-    const int *term;       /* (terms,) which; the first m are the speeds themselves */
-    const real *kernel;    /* (groups, ages, m) weights of commands, newest first */
+    int commands, ages;             /* numbers of a command, m; that act in a period, L + 1 */
+    int groups, terms;              /* sets of terms, each of commands filtered otherwise */
+    int nodes;                      /* stages of the integrator */
+    int steered;                    /* whether turn rates follow from filtered curvatures */
+    const int *term;                /* (terms,) of a set; the first m are the speeds themselves */
+    const real *kernel;             /* (groups, ages, m) weights of commands, newest first */
     const real *smoothing, *limits; /* (m,) eps of |s|; largest speeds that terms follow */
-    const real *motion;    /* (groups, terms, 3) how far each leads ahead, to the left and round */
-    const real *node;      /* (nodes, 2) node and weight of each stage */
-    const real *state, *command; /* (3,), (m,) metres, radians and seconds of a unit */
+    const real *motion;             /* (groups, terms, 3) to where each leads: ahead, left, round */
+    const real *node;               /* (nodes, 2) node and weight of each stage */
+    const real *state, *command;    /* (3,), (m,) metres, radians and seconds of a unit */
 };
 
 struct kmpc_sent {
-    const real *now;  /* (m,) a command; `driven` more lie before it in the same array */
-    const real *past; /* (L, m) those before that, oldest first; null: zeros */
+    const real *now;   /* (m,) a command; `driven` more lie before it in the same array */
+    const real *past;  /* (L, m) those before that, oldest first; null: zeros */
     int driven;
-    int zeros;        /* how many that are zero follow it: these are the newest */
+    int zeros;         /* how many that are zero follow it: these are the newest */
 };
 
 int kmpc_terms(int commands); /* how many terms there are */
@@ -82,8 +82,8 @@ struct kmpc_batch { /* candidates, the best first */
     const struct kmpc_brakes *brakes;
     const real *inputs;                   /* (stages, m) of the plan */
     int stages, further;                  /* how many further commands of it are tried */
-    int whole, at_once;         /* with its coming command; whether the robot can stand */
-    int count, periods, length; /* of candidates, their commands, their brakes */
+    int whole, at_once;                   /* with its coming command; whether it can stand then */
+    int count, periods, length;           /* of candidates, their commands, their brakes */
     real first[KMPC_SLOWER][KMPC_INPUTS]; /* slower commands */
 };
 
@@ -108,16 +108,16 @@ void kmpc_nearest_boxes(int boxes, const real *low, const real *high, int count,
 /* ---- tube.c: margins of a plan --------------------------------------------------------------- */
 
 struct kmpc_noise {
-    int delay;               /* periods until feedback acts */
-    const real *white;       /* (2, 3, 3) covariance of a period's noise, by v^2 and omega^2 */
-    const real *lasting;     /* (2, 3) deviations of errors that last, by v and omega */
+    int delay;                     /* periods until feedback acts */
+    const real *white;             /* (2, 3, 3) covariance of a period, by v^2 and omega^2 */
+    const real *lasting;           /* (2, 3) deviations of errors that last, by v and omega */
     const real *pose, *pose_speed; /* (3, 3) covariance of a measured pose, and by v^2 */
-    real quantile;           /* standard deviations that are kept */
-    real headway_time;       /* time of driving on that is the least margin [s] */
-    real touch;              /* radius at which chords cut [m] */
-    real reach;              /* how far the outline lies from the pose [m] */
-    real solver_margin;      /* added to all [m] */
-    int spreads;             /* whether there is any noise in a plan */
+    real quantile;                 /* standard deviations that are kept */
+    real headway_time;             /* time of driving on that is the least margin [s] */
+    real touch;                    /* radius at which chords cut [m] */
+    real reach;                    /* how far the outline lies from the pose [m] */
+    real solver_margin;            /* added to all [m] */
+    int spreads;                   /* whether there is any noise in a plan */
 };
 
 void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, int row,
