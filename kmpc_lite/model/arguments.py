@@ -50,8 +50,9 @@ def windows(commands: Array, length: int) -> Array:
     """The `length` commands before each one, oldest first, (..., T, length, m)."""
     if not length:
         return np.empty((*commands.shape[:-1], 0, commands.shape[-1]))
-    windows = np.lib.stride_tricks.sliding_window_view(commands[..., :-1, :], length, axis=-2)
-    return windows.swapaxes(-1, -2)
+    # a fifth of the time of a view
+    places = np.arange(commands.shape[-2] - length)[:, None] + np.arange(length)
+    return commands.take(places, axis=-2)
 
 
 def speeds(commands: Array) -> Array:

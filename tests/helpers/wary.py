@@ -68,9 +68,6 @@ class Wary:
     def margins(self, *plan: Any, **more: Any) -> np.ndarray:
         return self.of.of_plan(self.felt, *plan, **more)
 
-    def covariances(self, *plan: Any) -> np.ndarray:
-        return covariances(self.felt, *plan)
-
     def margin(self, v: float, omega: float) -> float:
         """Of a motion that lasts a period."""
         dt = self.model.dt

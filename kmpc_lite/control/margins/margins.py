@@ -32,7 +32,6 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import FLOOR
 from kmpc_lite.types import STATES, Array
 
-"""Factors of a noise that there is none of."""
 FAR_CLEARANCE = 2 / 3
 """Margins are worked out for obstacles within the widest margin and this much more [radii]; for
 those farther away the widest margin is used."""

@@ -60,7 +60,7 @@ class QpsolversBackend(QPSolver):
     def _solve(self, data: QPData, time_limit: float | None) -> QPSolution:
         import qpsolvers
 
-        q, lower, upper, self._rows.data, x, _, self._upper.data = data
+        q, lower, upper, self._rows.data[:], x, _, self._upper.data[:] = data
         # NumPy and SciPy have the same names for what follows
         form = np if self._dense else sp
         rows, P = (m.toarray() if self._dense else m.tocsr() for m in (self._rows, self._upper))

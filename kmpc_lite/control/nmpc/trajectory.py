@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from kmpc_lite.control.input_checks import POSITION_LIMIT
 from kmpc_lite.control.nmpc.qp import LOST_TURN, NavigationQP
 from kmpc_lite.control.options import fastest
 from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-9
@@ -91,11 +91,4 @@ def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
     """
     if not history:
         return None
-    # a fifth of the time of NumPy's views
-    return np.concatenate([past, inputs])[_places(len(inputs), history)]
-
-
-@lru_cache(maxsize=8)
-def _places(stages: int, history: int) -> Array:
-    """Which commands lie before each stage, (stages, history)."""
-    return np.arange(stages)[:, None] + np.arange(history)
+    return windows(np.concatenate([past, inputs]), history)

@@ -18,7 +18,7 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import STATES, Array
 
 CENTRE_HEADINGS = 8
-"""At so many headings the model is asked for a turn on the spot, to either side."""
+"""At so many headings the model is asked how a turn moves the pose."""
 CENTRE_DISTANCE = 0.004
 """A turning centre nearer to the tracked pose than this is taken to be the tracked pose [m]."""
 CENTRE_CERTAINTY = 3.5
@@ -55,7 +55,11 @@ def turning_centre(model: MotionModel, problem: NavigationProblem) -> Array | No
     ahead, left = rotate(moved[:, 0], moved[:, 1], -poses[:, 2])
     turned = moved[:, 2]
     weight = float(turned @ turned)
-    if not (0.0 < weight < np.inf and problem.wheels.turns_on_the_spot):
+    # steered wheels turn nothing where they stand
+    held = np.zeros((2, model.inputs))
+    held[:, -1] = problem.u_min[-1], problem.u_max[-1]
+    ends = model.predict(np.zeros((2, STATES)), held, held[:, None].repeat(model.history, axis=1))
+    if not 0.0 < weight < np.inf or ends[0, 2] == ends[1, 2]:
         return None
     # turning by a little moves the pose across its arm from the point
     point: Array = np.array([-turned @ left, turned @ ahead]) / weight

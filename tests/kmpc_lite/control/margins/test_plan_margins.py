@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from wary import PROBLEM, Wary, directions, of_noise, plan, slipping
+from wary import PROBLEM, Wary, covariances, directions, of_noise, plan, slipping
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import NavigationProblem, nominal_unicycle
@@ -55,7 +55,7 @@ def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
     model, risk, trials = slipping(slip), 0.05, 4000
     lin, states, inputs = plan(model, v, omega)
     wary = Wary(model, PROBLEM, risk=risk, headway=0.0)
-    covariances = wary.covariances(lin, states, inputs)
+    spreads = covariances(wary.felt, lin, states, inputs)
     closed = closed_loop(lin.A, *(f(states[:-1, 2]) for f in (np.cos, np.sin))) - lin.A
     gains = np.linalg.pinv(lin.B) @ closed
     plant = DifferentialDrive(slip, seed=99)
@@ -69,7 +69,7 @@ def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
         error = (x - states[k + 1])[:, :2]
         outside[k] = (error @ normals[k].T > margins[k]).mean(axis=0)
         if k < MEMORY:
-            score = np.einsum("ni,ni->n", error, np.linalg.solve(covariances[k], error.T).T)
+            score = np.einsum("ni,ni->n", error, np.linalg.solve(spreads[k], error.T).T)
             worst = np.maximum(worst, np.sqrt(score))
     assert outside.max() <= risk
     assert (worst > wary.quantile).mean() <= risk + 3 * np.sqrt(risk / trials)

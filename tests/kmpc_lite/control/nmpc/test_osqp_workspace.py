@@ -74,6 +74,36 @@ def test_arrays_of_another_shape_are_refused(name: str, shape: tuple[int, ...]) 
         Box().solve(**{name: np.zeros(shape)})
 
 
+def test_strided_and_reversed_views_and_other_types_are_read_rightly() -> None:
+    q, upper = np.array([-5.0, 0.25, -0.125]), np.array([1.0, 2.0, 3.0])
+    wide = np.full((3, 2), 99.0)
+    wide[:, 0] = q
+    expected = [1.0, -0.25, 0.125]
+    for views in (
+        {"q": wide[:, 0], "upper": upper},
+        {"q": q[::-1].copy()[::-1], "upper": upper[::-1].copy()[::-1]},
+        {"q": q.astype(np.float32), "upper": upper.astype(np.float32)},
+        {"q": q, "upper": upper.astype(int), "Ax": np.ones(3, dtype=int)},
+        {"q": q, "upper": upper, "x": np.zeros((3, 2))[:, 1], "y": np.zeros(3, dtype=np.float32)},
+    ):
+        answer = Box().solve(**views)
+        assert answer.status is QPStatus.SOLVED
+        np.testing.assert_allclose(answer.x, expected, atol=1e-6)
+
+
+def test_solutions_are_copies_and_arguments_are_left_alone() -> None:
+    box = Box()
+    box.data["q"] = np.array([-0.5, 0.0, 0.5])
+    before = {name: array.copy() for name, array in box.data.items()}
+    answer = box.solve()
+    x, y = answer.x.copy(), answer.y.copy()
+    box.solve(q=np.array([0.5, 0.5, -3.0]), x=answer.x, y=answer.y)
+    np.testing.assert_array_equal(answer.x, x)
+    np.testing.assert_array_equal(answer.y, y)
+    for name, array in box.data.items():
+        np.testing.assert_array_equal(array, before[name])
+
+
 def test_iteration_limit_returns_an_iterate_that_is_reported_as_early() -> None:
     box = Box(eps_abs=1e-14, eps_rel=1e-14, max_iter=2, check_termination=1)
     answer = box.solve(q=np.array([-5.0, 0.25, -0.125]))

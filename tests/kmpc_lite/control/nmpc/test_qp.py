@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.fill import Around, Iterate
-from kmpc_lite.control.kernels.library import fill
 from kmpc_lite.control.nmpc.fill_qp import keep_out
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, SLACK_SCALE, NavigationQP
 from kmpc_lite.model.linearization import Linearization
@@ -77,30 +77,17 @@ def objective(
 
 def dynamics_gaps(numbers: Numbers, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     """What each stage's next state lacks to obey the linearised model, (N, 3)."""
-    gaps = []
-    for k in range(len(u)):
-        following = (
-            numbers.lin.value[k]
-            + numbers.lin.A[k] @ (x[k] - numbers.x[k])
-            + numbers.lin.B[k] @ (u[k] - numbers.u[k])
-        )
-        for age in range(1, numbers.lin.B_past.shape[1] + 1):
-            if k - age >= 0:  # what was sent before the plan began is known
-                following = following + numbers.lin.B_past[k, age - 1] @ (
-                    u[k - age] - numbers.u[k - age]
-                )
-        gaps.append(x[k + 1] - following)
-    return np.array(gaps)
+    lin, dx, du = numbers.lin, (x - numbers.x)[:-1, :, None], (u - numbers.u)[..., None]
+    following = lin.value[..., None] + lin.A @ dx + lin.B @ du
+    for age in range(1, lin.B_past.shape[1] + 1):  # what was sent before the plan began is known
+        following[age:] += lin.B_past[age:, age - 1] @ du[:-age]
+    return x[1:] - following[..., 0]
 
 
 def keepout_gaps(numbers: Numbers, x: np.ndarray, slack: np.ndarray) -> np.ndarray:
     """``normal . p + slack - offset`` of each stage and slot; at least zero if kept."""
-    n, slots = numbers.offsets.shape
-    gaps = np.empty((n, slots))
-    for k in range(n):
-        for i in range(slots):
-            gaps[k, i] = numbers.normals[k, i] @ x[k + 1, :2] + slack[k] - numbers.offsets[k, i]
-    return gaps
+    along = np.einsum("nsd,nd->ns", numbers.normals, x[1:, :2])
+    return along + slack[:, None] - numbers.offsets
 
 
 def write(qp: NavigationQP, numbers: Numbers) -> None:
@@ -112,7 +99,8 @@ def write(qp: NavigationQP, numbers: Numbers) -> None:
     points = x[1:, :2].copy()
     gaps = np.einsum("nsd,nd->ns", normals, points) - offsets
     around = Around(np.empty((0, 7)), points, gaps, normals)
-    fill(keep, None, qp.numbers, numbers.lin, Iterate(x, u, numbers.reference, u, False), around)
+    plan = Iterate(x, u, numbers.reference, u, False)
+    library.fill(keep, None, qp.numbers, numbers.lin, plan, around)
 
 
 def pack(x: np.ndarray, u: np.ndarray, slack: np.ndarray) -> np.ndarray:
@@ -120,38 +108,21 @@ def pack(x: np.ndarray, u: np.ndarray, slack: np.ndarray) -> np.ndarray:
     return np.concatenate([x[1:].ravel(), u.ravel(), slack])
 
 
-def filled(
-    shape: tuple[int, int, int], random: np.random.Generator
-) -> tuple[NavigationProblem, NavigationQP, Numbers]:
-    horizon, history, slots = shape
-    problem = make_problem(horizon)
-    qp = NavigationQP(problem, history, slots)
-    write(qp, draw(random, *shape))  # leftovers of an earlier fill must not matter
-    numbers = draw(random, *shape)
-    write(qp, numbers)
-    return problem, qp, numbers
-
-
-def random_point(
-    random: np.random.Generator, numbers: Numbers
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Any states that begin at the present one, commands and slacks."""
-    n = len(numbers.u)
-    x = np.vstack([numbers.x[:1], random.normal(size=(n, 3))])
-    return x, random.normal(size=(n, 2)), random.normal(size=n)
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> None:
     random = np.random.default_rng(seed)
-    problem, qp, numbers = filled(shape, random)
+    problem = make_problem(shape[0])
+    qp, n = NavigationQP(problem, *shape[1:]), shape[0]
+    write(qp, draw(random, *shape))  # leftovers of an earlier fill must not matter
+    write(qp, numbers := draw(random, *shape))
     full_p = (qp.P + sparse.triu(qp.P, 1).T).toarray()
     a = qp.A.toarray()
     values, definitions = [], []
     for _ in range(4):
-        x, u, slack = random_point(random, numbers)
+        x = np.vstack([numbers.x[:1], random.normal(size=(n, 3))])
+        u, slack = random.normal(size=(n, 2)), random.normal(size=n)
         v = pack(x, u, slack)
         values.append(0.5 * v @ full_p @ v + qp.q @ v)
         definitions.append(objective(problem, numbers, x, u, slack))
