@@ -99,7 +99,7 @@ def program(name: str) -> str:
 
 def boards(folder: str) -> str:
     """Give a table of the boards of which a folder holds what `kmpc bench --json` wrote."""
-    from kmpc_lab.bench.boards import format_boards, read_board
+    from kmpc_lab.bench.steps import format_boards, read_board
 
     files = sorted((ROOT / "docs" / folder).glob("*.json"))
     return format_boards([read_board(file) for file in files]) if files else NO_BOARD

@@ -15,7 +15,7 @@ from firmware_bridge.drivers.polled.options import (
 )
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing.packets import crc16
+from firmware_bridge.link.framing import crc16
 from firmware_bridge.messages import LinkError
 from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded

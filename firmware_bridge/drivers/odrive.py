@@ -12,7 +12,7 @@ from firmware_bridge.drivers.polled import LineDriver, NoReply
 from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing.lines import odrive_line, odrive_text
+from firmware_bridge.link.framing import odrive_line, odrive_text
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded

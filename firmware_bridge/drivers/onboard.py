@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from firmware_bridge.drivers.ticking import TickingDriver
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing.cobs import CobsFrames, cobs_frame
+from firmware_bridge.link.framing import CobsFrames, cobs_frame
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.options import bounded, check
 

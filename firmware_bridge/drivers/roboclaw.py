@@ -11,7 +11,7 @@ from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.drivers.polled.options import PolledOptions, counts_per_metre
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing.roboclaw import RoboClawReplies, roboclaw_packet, roboclaw_request
+from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.messages import LinkError
 from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded

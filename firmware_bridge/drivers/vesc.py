@@ -11,7 +11,7 @@ from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.drivers.polled.options import PolledOptions, servo_position
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing.vesc import VescPackets, vesc_packet
+from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded

@@ -35,6 +35,11 @@ DRIVE_TIME = 120.0
 """
 LOOK_AHEAD = 2.0
 """Time that the controller plans ahead, however short its period [s]."""
+BUDGET = 0.5
+"""Share of its period that a step may take: none of its commands is to come late."""
+DEEP = 0.5
+"""A pose further inside an obstacle than this share of the robot's radius, or of its half width,
+cannot be true; one that only seems to touch, for a pose's noise or a map's, may drive."""
 
 
 class Course(NamedTuple):
@@ -202,9 +207,8 @@ def build_controller(robot: Robot, scenario: Any, learned: Any, planner: Any = N
     import kmpc_lite as kl
 
     base = replace(base_problem(robot, learned.dt), goal_tolerance=goal_tolerance(scenario))
-    problem, options = scenario.problem(base), scenario.options
-    adapts = adaptation(robot)
-    return kl.Controller(learned, problem, planner=planner, adaptation=adapts, options=options)
+    how = {"planner": planner, "adaptation": adaptation(robot), "options": scenario.options}
+    return kl.Controller(learned, scenario.problem(base), time_budget=BUDGET * learned.dt, **how)
 
 
 def goal_tolerance(scenario: Any) -> tuple[float, float]:
@@ -249,11 +253,6 @@ def base_problem(robot: Robot, dt: float) -> Any:
 def adaptation(robot: Robot) -> bool | None:
     """The controller's `adaptation`: as asked for a learned model, none of the nominal one."""
     return False if robot.control.model is None else robot.control.adaptation
-
-
-DEEP = 0.5
-"""A pose further inside an obstacle than this share of the robot's radius, or of its half width,
-cannot be true; one that only seems to touch, for a pose's noise or a map's, may drive."""
 
 
 def misplaced(scenario: Any, pose: Pose) -> str:

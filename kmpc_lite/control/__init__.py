@@ -5,10 +5,9 @@ from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.control.world.shapes import Circle, Polygon, Wall
 from kmpc_lite.control.world.tracker import ObstacleTracker
 
 __all__ = [

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import later
+from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.path.situation import GuideTask
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.geometry import wrap
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.types import INPUTS, Array

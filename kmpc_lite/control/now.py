@@ -24,13 +24,13 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.clock import StepClock
     from kmpc_lite.control.knowledge import Knowledge
     from kmpc_lite.control.margins.model_noise import FeltNoise
     from kmpc_lite.control.path.situation import Guidance
     from kmpc_lite.control.state import ControllerState
-    from kmpc_lite.control.step_clock import StepClock
-    from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Nearby, Solids
+    from kmpc_lite.control.world.view import View
 
 
 @dataclass(slots=True)

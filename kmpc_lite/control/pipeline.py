@@ -12,25 +12,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.answers import Answers
+from kmpc_lite.control.answers import Answers, StandstillWatch
+from kmpc_lite.control.clock import LEAST_AFTER_SOLVE, longest_lately
 from kmpc_lite.control.estimate.history import advance_pose
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.estimate.lateness import Lateness
-from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
-from kmpc_lite.control.lately import longest_lately
+from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.standstill import StandstillWatch
-from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE
-from kmpc_lite.control.stop.safe_motion import SafeMotions
+from kmpc_lite.control.safe_motion import SafeMotions
 from kmpc_lite.control.task import Task
-from kmpc_lite.control.verification import Verification, Verified
+from kmpc_lite.control.verification import Fallback, Verification, Verified
 from kmpc_lite.control.watching import Watching
 from kmpc_lite.control.world.scene import Scene
 from kmpc_lite.control.world.surroundings import Surroundings

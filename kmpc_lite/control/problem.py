@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.problem_fields import (
+from kmpc_lite.control.input_checks import (
     OptionalValues,
     Values,
     check_bounds,

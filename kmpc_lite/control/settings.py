@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import oldest_pose
 from kmpc_lite.control.kernels.predictor import motion_in_units
 from kmpc_lite.control.nmpc.qp_solvers import MakeSolver
-from kmpc_lite.control.options import AdaptationOptions, ControllerOptions, GuidanceOptions
+from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT

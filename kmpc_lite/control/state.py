@@ -20,8 +20,8 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
-    from kmpc_lite.control.world.sight.local_map import LocalMap
-    from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
+    from kmpc_lite.control.world.local_map import LocalMap
+    from kmpc_lite.control.world.sight import ScanWatchState
 
 
 @dataclass(slots=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from kmpc_lite.control.answers import Answers
-from kmpc_lite.control.estimate.innovation import Innovation
-from kmpc_lite.control.estimate.pose_filter import estimate
+from kmpc_lite.control.estimate.innovation import Innovation, estimate
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions
@@ -27,10 +26,9 @@ class Watching:
         answers: Answers,
     ) -> None:
         # here, for importing the package has no need of them, and no step has time to
-        from kmpc_lite.control.world.sight.scan_watch import ScanWatch
-        from kmpc_lite.control.world.sight.sight import Sight
-        from kmpc_lite.control.world.sight.view import View
+        from kmpc_lite.control.world.sight import ScanWatch, Sight
         from kmpc_lite.control.world.tracking import Tracking
+        from kmpc_lite.control.world.view import View
 
         self._answers, self._dt = answers, units.dt
         self._innovation = Innovation(units, options.pose)
@@ -81,7 +79,7 @@ class Watching:
         """Leave out scans that come again; refuse to drive blind."""
         state = now.state
         if state.scans is None:
-            from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
+            from kmpc_lite.control.world.sight import ScanWatchState
 
             state.scans = ScanWatchState()
         # what is carried along moves, and is neither a pedestrian nor a scanner that hangs

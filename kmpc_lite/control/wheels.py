@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from kmpc_lite.control.problem_fields import scalar
+from kmpc_lite.control.input_checks import scalar
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.geometry import seen_along
 from kmpc_lite.scale import Scale

@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.kernels.fill import Noise
 from kmpc_lite.control.kernels.predictor import Inputs, Predictor
-from kmpc_lite.control.kernels.safe_motion import TINY
+from kmpc_lite.control.kernels.records import TINY, Noise
 from kmpc_lite.control.knowledge import motion_model
+from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
 from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.stop.safe_motion import SafeMotions
+from kmpc_lite.control.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError

@@ -19,10 +19,9 @@ from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Wheels, read_wheels, wheels_to_table
-from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scene import Solid
-from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.control.world.shapes import Circle, Polygon, Wall
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
 from kmpc_lite.scenario.arrival import ARRIVED, Tolerance

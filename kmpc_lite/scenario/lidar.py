@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from kmpc_lite.control.options.sight import USUAL_OBSTACLES
+from kmpc_lite.control.options import USUAL_OBSTACLES
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.scenario.values import (
     LIDAR,

@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.options import ControllerOptions
-from kmpc_lite.control.options.sight import USUAL_OBSTACLES
+from kmpc_lite.control.options import USUAL_OBSTACLES, ControllerOptions
 from kmpc_lite.control.wheels import Wheels, read_wheels
-from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.control.world.occupancy import OccupancyGrid
-from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.control.world.shapes import Circle, Polygon, Wall
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.scenario.arrival import ARRIVED
 

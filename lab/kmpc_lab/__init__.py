@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from kmpc_lab.report.runs import draw_drives
     from kmpc_lab.sim.closed_loop import Outcome, Run, drive
     from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-    from kmpc_lab.sim.plants.learned import LearnedPlant
+    from kmpc_lab.sim.plants.plant import LearnedPlant
     from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
     from kmpc_lite.scenario.files import Scenario
 
@@ -38,7 +38,7 @@ _WHERE = {
     "IpoptController": "kmpc_lab.peers.ipopt",
     "LaggingDrive": "kmpc_lab.sim.plants.lag",
     "drive_log": "kmpc_lab.sim.plants.lag",
-    "LearnedPlant": "kmpc_lab.sim.plants.learned",
+    "LearnedPlant": "kmpc_lab.sim.plants.plant",
     "Outcome": "kmpc_lab.sim.closed_loop",
     "Run": "kmpc_lab.sim.closed_loop",
     "Scenario": "kmpc_lite.scenario.files",

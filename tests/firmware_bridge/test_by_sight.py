@@ -16,8 +16,8 @@ from firmware_bridge.runtime.drive import run
 from firmware_bridge.sensors.lidar.ld06 import Ld06
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.sight import Sight
-from kmpc_lab.emulator.lidar import ld06 as emulated
-from kmpc_lab.emulator.lidar.ld06 import Ld06Emulator
+from kmpc_lab.emulator import lidar as emulated
+from kmpc_lab.emulator.lidar import Ld06Emulator
 from kmpc_lab.emulator.vesc import VescEmulator
 from kmpc_lite.scenario.world import World, world_of
 
@@ -65,7 +65,7 @@ def test_a_pillar_on_no_map_is_passed_by_the_bytes_of_a_lidar():
 @pytest.fixture
 def robot(tmp_path):
     """A robot with a lidar, both emulated, in four_circles_1; gives what is needed to drive."""
-    from kmpc_lab.emulator.lidar.kinds import emulated_lidar
+    from kmpc_lab.emulator.lidar import emulated_lidar
     from kmpc_lite.scenario.files import Scenario
 
     scenario = Scenario.load("four_circles_1")

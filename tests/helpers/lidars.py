@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from kmpc_lab.emulator.lidar.kinds import emulated_lidar
+from kmpc_lab.emulator.lidar import emulated_lidar
 from kmpc_lite.scenario.world import World
 
 PILLARS = [(2.0, 0.0, 0.5, 0.0, 0.0), (0.0, -1.5, 0.3, 0.0, 0.0), (-1.0, 1.0, 0.2, 0.0, 0.0)]

@@ -45,7 +45,7 @@ class Drive:
         **robot: Any,
     ) -> None:
         pytest.importorskip("rclpy", reason=NO_ROS)
-        from kmpc_lab.emulator.ros2.robot import EmulatedRobot, Ros2Emulator
+        from kmpc_lab.emulator.ros2 import EmulatedRobot, Ros2Emulator
 
         for name, value in HERE.items():
             monkeypatch.setenv(name, value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.control.kernels import scan_library
-from kmpc_lite.control.world.sight.local_map import LocalMap
+from kmpc_lite.control.world.local_map import LocalMap
 from kmpc_lite.types import Array
 
 

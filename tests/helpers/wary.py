@@ -14,7 +14,7 @@ from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.margins.model_noise import FeltNoise
 from kmpc_lite.control.options import MarginOptions, StopOptions
-from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
+from kmpc_lite.control.safe_motion import SafeMotion, SafeMotions
 from kmpc_lite.control.task import Task
 from kmpc_lite.control.world.surroundings import Surroundings
 

@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.kernels.boxes import away
 from kmpc_lite.control.kernels.clearance import distances
-from kmpc_lite.control.kernels.following import leg_end, poses_at
-from kmpc_lite.control.kernels.safe_motion import TINY
+from kmpc_lite.control.kernels.records import TINY, leg_end, poses_at
+from kmpc_lite.control.world.occupancy import away
 from kmpc_lite.model.tube import MEMORY, Carried, closed_loop, rotations
 
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.optimize import linear_sum_assignment
 
-from kmpc_lite.control.kernels.scan_map import numbers_of, window_between
 from kmpc_lite.control.kernels.tracks import (
     COVARIANCE,
     GIVEN,
@@ -19,6 +18,8 @@ from kmpc_lite.control.kernels.tracks import (
     STATES,
     UNSEEN,
 )
+from kmpc_lite.control.world.local_map import window_between
+from kmpc_lite.control.world.rays import numbers_of
 
 FEWEST = 3
 ITSELF = np.eye(STATES)

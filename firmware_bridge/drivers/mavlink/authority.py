@@ -1,11 +1,16 @@
 """Which end controls the robot: the bridge takes control when asked, never from a pilot.
 
-To give it back, HOLD is asked for until the vehicle confirms it.
+To give it back, HOLD is asked for until the vehicle confirms it. Other masters on the link are a
+fault, other stations are told of. ArduPilot's GCS failsafe is the vehicle's own watchdog on the
+bridge: off by default, it watches the heartbeats of one system id only.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from enum import Enum
+from typing import Any
 
 from firmware_bridge.drivers.mavlink.commands import (
     ACCEPTED,
@@ -46,6 +51,20 @@ CUSTOM_MODE_ENABLED = 1
 HEARTBEAT_LOST = 2.5
 """Silence after which the mode is not known any more [s]: of HEARTBEATs at the protocol's 1 Hz, one
 may be lost and the next be late."""
+ENABLE, WATCHED = "FS_GCS_ENABLE", "SYSID_MYGCS"
+PERIOD, TRIES = 1.0, 5
+"""Time between requests [s], and the largest number of them."""
+SET_POINT_MESSAGES = frozenset(
+    ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
+)
+HEARD = frozenset((0, 82, 84, 86))
+"""Message ids that are decoded of other systems: HEARTBEAT, and the set-points above."""
+MASTER_TOLD = 1.0
+"""How long a set-point of another master counts as a fault [s]."""
+STATION_TOLD = 5.0
+"""How long after its last heartbeat a ground station counts as there [s]."""
+GCS = 6
+"""MAV_TYPE of a ground station."""
 
 
 class Aim(Enum):
@@ -197,3 +216,123 @@ class Authority:
         self.aim = Aim.WATCH
         self._desk.cancel(SET_MODE)
         self._desk.cancel(ARM)
+
+
+class GcsFailsafe:
+    """Reads the two parameters and turns the failsafe on.
+
+    `read`: sends PARAM_REQUEST_READ for a name. `write`: sends PARAM_SET: name, value, type.
+    `own_system`: our system id. `wanted`: whether to turn it on, or only to look.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[str], None],
+        write: Callable[[str, float, int], None],
+        own_system: int,
+        wanted: bool,
+    ) -> None:
+        self._read, self._write = read, write
+        self._own_system, self._wanted = own_system, wanted
+        self._values: dict[str, tuple[float, int]] = {}
+        self._due, self._tries = -float("inf"), 0
+
+    def on_param(self, name: str, value: float, kind: int, now: float) -> None:
+        """Take a PARAM_VALUE."""
+        if name in (ENABLE, WATCHED):
+            self._values[name] = (value, kind)
+            if name == ENABLE and value == 0.0 and self._wanted:
+                self._due = min(self._due, now)
+
+    def tick(self, now: float) -> None:
+        """Ask for what is missing."""
+        if now < self._due or self._tries >= TRIES or self.settled:
+            return
+        self._due, self._tries = now + PERIOD, self._tries + 1
+        for name in (ENABLE, WATCHED):
+            if name not in self._values:
+                self._read(name)
+        enable = self._values.get(ENABLE)
+        if enable is not None and enable[0] == 0.0 and self._wanted:
+            self._write(ENABLE, 1.0, enable[1])
+
+    @property
+    def watched(self) -> int | None:
+        """System id whose heartbeats it counts, None if that is not known."""
+        return round(self._values[WATCHED][0]) if WATCHED in self._values else None
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing is left to ask."""
+        known = len(self._values) == 2
+        return known and (not self._wanted or self._values[ENABLE][0] != 0.0)
+
+    @property
+    def note(self) -> str:
+        """Whether the vehicle watches our heartbeats, in words."""
+        if ENABLE not in self._values or WATCHED not in self._values:
+            return f"GCS failsafe: {ENABLE} and {WATCHED} not read" + (
+                ": no answer" if self._tries >= TRIES else " yet"
+            )
+        if self._values[ENABLE][0] == 0.0:
+            return (
+                f"GCS failsafe: off ({ENABLE} 0): if this computer dies, "
+                "only the 3 s set-point time-out stops the rover"
+            )
+        watched = round(self._values[WATCHED][0])
+        if watched != self._own_system:
+            return (
+                f"GCS failsafe: watches system {watched} ({WATCHED}), not us ({self._own_system})"
+            )
+        return "GCS failsafe: on, watches us"
+
+
+def worth_decoding(system: int, component: int) -> Callable[[int, int, int], bool]:
+    """Whether a frame is of our vehicle, or one of the few of others that are looked at."""
+    return lambda of, by, kind: (of, by) == (system, component) or kind in HEARD
+
+
+class OtherStations:
+    """Remembers other stations that were heard.
+
+    It sees only those that the vehicle forwards to our port, or that share it: a master on another
+    port of the autopilot stays unseen.
+
+    `vehicle`: system id of the vehicle.
+    """
+
+    def __init__(self, vehicle: int) -> None:
+        self._vehicle = vehicle
+        self._master, self._master_stamp = 0, -math.inf
+        self._stations: dict[int, float] = {}
+        self.counters = {"others": 0, "other_masters": 0}
+
+    def saw(self, message: Any, now: float) -> None:
+        """Take a message of a station that is not our vehicle."""
+        self.counters["others"] += 1
+        kind, system = message.get_type(), message.get_srcSystem()
+        if kind in SET_POINT_MESSAGES and message.target_system in (0, self._vehicle):
+            self.counters["other_masters"] += 1
+            self._master, self._master_stamp = system, now
+        elif kind == "HEARTBEAT" and message.type == GCS:
+            self._stations[system] = now
+
+    def faults(self, now: float) -> tuple[str, ...]:
+        """Masters, in words."""
+        if now - self._master_stamp >= MASTER_TOLD:
+            return ()
+        return (f"another master: system {self._master} sends set-points to the vehicle",)
+
+    def notes(self, now: float, watched: int | None) -> tuple[str, ...]:
+        """Stations, in words; `watched` is whose heartbeats the vehicle's failsafe counts."""
+        return tuple(
+            f"another ground station is on the link: system {system}"
+            + (
+                ", whose heartbeats the GCS failsafe counts as ours: after the death of this "
+                "computer only the 3 s set-point time-out stops the rover"
+                if system == watched
+                else ""
+            )
+            for system, stamp in sorted(self._stations.items())
+            if now - stamp < STATION_TOLD
+        )

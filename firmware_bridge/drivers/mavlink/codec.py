@@ -1,7 +1,9 @@
 """Bytes <-> MAVLink messages.
 
 The codec finds the next good frame after noise, takes versions 1 and 2 mixed, signs, and checks
-signatures.
+signatures. The newest signing time that was accepted is kept on disk, so that recordings stay
+refused after a restart: a computer without a battery-backed clock starts in 1970, when every
+recorded frame looks new.
 
 The dialect's own `parse_char` takes the length of a corrupt frame at its word and loses all frames
 inside it (7 after one bad byte, measured), and its buffer grows for ever on a stream that never
@@ -12,13 +14,17 @@ decodes, encodes, signs and verifies.
 from __future__ import annotations
 
 import math
+import os
 import re
 import struct
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from firmware_bridge.messages import ConfigError
 
 MARKER = re.compile(rb"\xfd(?!.[^\x00\x01])|\xfe(?!\xfe.{3}\xfe)", re.DOTALL)
 """First byte of a frame: not before flags that no frame has, nor in a run of itself."""
@@ -44,6 +50,9 @@ COUNTERS = (
 )
 Wanted = Callable[[int, int, int], bool]
 """Whether a frame of this system and component with this message id is worth decoding."""
+PERIOD = 30.0
+"""Between writes [s]: as seldom as ArduPilot itself writes its own."""
+LONGEST = 32
 
 
 def signing_time(wall_time: float) -> int:
@@ -221,3 +230,64 @@ def _crc_is_right(frame: bytearray) -> bool:
     kind = dialect.mavlink_map[origin(frame)[2]]
     crc = dialect.x25crc(bytes(frame[1 : end - CRC_BYTES]) + bytes((kind.crc_extra,))).crc
     return bool(crc == int.from_bytes(frame[end - CRC_BYTES : end], "little"))
+
+
+class SigningStamp:
+    """Keeps the newest time stamp of a key beside it, as KEY.stamp.
+
+    `key_file`: of the key; None: nothing is signed, and nothing kept. Raises ConfigError if the
+    file is there and cannot be read.
+    """
+
+    def __init__(self, key_file: str | None) -> None:
+        self._path = None if key_file is None else Path(f"{key_file}.stamp")
+        self._kept = self._read()
+        self._due = -float("inf")
+        self.problem = ""
+        """Why it cannot be kept."""
+
+    @property
+    def unix_time(self) -> float:
+        """Unix time of the stamp that is kept [s]; 0 without one."""
+        return SIGNING_EPOCH + self._kept * 1e-5 if self._kept else 0.0
+
+    def keep(self, stamp: int, now: float) -> None:
+        """Write a newer stamp [10 us since 2015], every 30 s at most; `now` is monotonic [s]."""
+        if self._path is None or stamp <= self._kept or now < self._due:
+            return
+        self._due = now + PERIOD
+        part = self._path.with_name(self._path.name + ".part")
+        try:
+            part.unlink(missing_ok=True)
+            with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+                file.write(f"{stamp}\n")
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(self._path)
+        except OSError as error:
+            self.problem = (
+                f"{self._path}: cannot keep the signing time: {error.strerror or error}: after a "
+                "restart without a clock, recorded frames would be accepted"
+            )
+        else:
+            self._kept, self.problem = stamp, ""
+
+    def _read(self) -> int:
+        if self._path is None:
+            return 0
+        try:
+            with open(self._path, encoding="ascii") as file:
+                text = file.read(LONGEST)
+            stamp = int(text)
+            if not 0 <= stamp < 2**48:
+                raise ValueError
+        except FileNotFoundError:
+            return 0
+        except OSError as error:
+            raise ConfigError(f"key_file: {self._path}: {error.strerror or error}") from None
+        except ValueError:
+            raise ConfigError(
+                f"key_file: {self._path}: expected one number, the newest signing time in 10 us: "
+                "remove the file if no other program can send to the vehicle"
+            ) from None
+        return stamp

@@ -7,21 +7,22 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from firmware_bridge.drivers.mavlink.authority import HOLD, Aim, Authority
+from firmware_bridge.drivers.mavlink.authority import (
+    HOLD,
+    Aim,
+    Authority,
+    GcsFailsafe,
+    OtherStations,
+    worth_decoding,
+)
 from firmware_bridge.drivers.mavlink.clock import VehicleClock
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
-from firmware_bridge.drivers.mavlink.commands import PREARM_CHECKS, CommandDesk
-from firmware_bridge.drivers.mavlink.due import Due
-from firmware_bridge.drivers.mavlink.failsafe import GcsFailsafe
-from firmware_bridge.drivers.mavlink.greeting import Greeting
+from firmware_bridge.drivers.mavlink.commands import PREARM_CHECKS, CommandDesk, Due, Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
-from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.stations import OtherStations, worth_decoding
-from firmware_bridge.drivers.mavlink.status_text import StatusTexts, tells_failsafe
+from firmware_bridge.drivers.mavlink.status_text import StatusTexts, tells_failsafe, vehicle_status
 from firmware_bridge.drivers.mavlink.streams import StreamRequests, wanted_streams
-from firmware_bridge.drivers.mavlink.telemetry import FrameWatch, PoseTracker
-from firmware_bridge.drivers.mavlink.vehicle_status import vehicle_status
+from firmware_bridge.drivers.mavlink.telemetry import FrameWatch, MocapFeed, PoseTracker
 from firmware_bridge.messages import LinkStatus, State
 
 Lock = AbstractContextManager[Any]

@@ -2,14 +2,18 @@
 
 EKF_STATUS_REPORT says whether to trust the estimate. After a restart the autopilot sets a new
 origin where it then stands; another station may set one, too. Poses look as good as before, but the
-map is shifted: nothing may move until a person has looked.
+map is shifted: nothing may move until a person has looked. Poses of motion capture go the other
+way, after the origin that the autopilot needs once.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
+from firmware_bridge.drivers.mavlink.messages import MessageBuilder
+from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
 from firmware_bridge.frames import forward_speed, ned_to_enu
 from firmware_bridge.messages import State
 
@@ -24,6 +28,13 @@ MISSING, TOLD = 0.25, 1.0
 """How long refused poses are reported [s], after this time without a good one [s]."""
 FARTHEST, FASTEST = 1e5, 100.0
 """Positions [m] and speeds [m/s, rad/s] beyond these are no rover's."""
+ORIGIN_MOVES = 10
+"""An origin that moves by more than this is another one [1e-7 degrees]: 0.1 m."""
+FUTURE = 0.05
+"""A stamp may lie this far ahead of the time at which it is given [s]."""
+PERIOD = 0.02
+"""Least time between poses that are passed on [s]: a serial link has no room for all poses of a
+faster motion capture."""
 
 
 class PoseTracker:
@@ -96,10 +107,6 @@ class PoseTracker:
         return good
 
 
-ORIGIN_MOVES = 10
-"""An origin that moves by more than this is another one [1e-7 degrees]: 0.1 m."""
-
-
 class FrameWatch:
     """Doubts the frame after a restart or a jump of clock or origin, until it is confirmed."""
 
@@ -132,3 +139,47 @@ class FrameWatch:
 
     def _doubt(self, why: str) -> None:
         self.doubt, self.doubts = why, self.doubts + 1
+
+
+class MocapFeed:
+    """Passes poses on, and refuses bad ones.
+
+    `options`: whether there is motion capture, and the origin. `build`: builds messages to the
+    vehicle. `send`: takes a message to put on the wire.
+    """
+
+    def __init__(
+        self, options: MavlinkOptions, build: MessageBuilder, send: Callable[[Any], None]
+    ) -> None:
+        self._options, self._build, self._send = options, build, send
+        self.stamp = -math.inf
+        """Stamp of the newest pose [s]."""
+        self.refused = 0
+        self.has_origin = False
+        """Whether the vehicle has an origin."""
+        self._sent = -math.inf
+
+    def feed(self, x: float, y: float, theta: float, stamp: float, now: float) -> None:
+        """Pass a pose on; bad ones are refused and counted.
+
+        Bad is what is not finite, from the future, or not newer than the last.
+        """
+        finite = all(map(math.isfinite, (x, y, theta, stamp)))
+        if not finite or stamp > now + FUTURE or stamp <= self.stamp:
+            self.refused += 1
+            return
+        self.stamp = stamp
+        if stamp - self._sent >= PERIOD * 0.9:
+            self._sent = stamp
+            self._send(self._build.vision(x, y, theta, stamp))
+
+    @property
+    def wants_origin(self) -> bool:
+        """Whether the vehicle is to be given an origin that it has not."""
+        options = self._options
+        return options.pose == MOCAP and options.origin is not None and not self.has_origin
+
+    def send_origin(self) -> None:
+        """Give the vehicle its origin."""
+        assert self._options.origin is not None
+        self._send(self._build.origin(*self._options.origin))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.options.sight import USUAL_OBSTACLES
+from kmpc_lite.control.options import USUAL_OBSTACLES
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.geometry import rotate
 from kmpc_lite.types import Array
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
 NOTHING, CLEAR = -1.0, -2.0
 """Ranges that no sensor measures: a beam that tells nothing, and one that met nothing."""
+BEAMS = 120
+"""Hits of a scan that a report shows at the most."""
+CORNERS = 90
+"""Of the outline of what a scan saw to be free."""
+ALL_AROUND = 0.99 * 2.0 * np.pi
+"""Field of view without a gap [rad]."""
+STEP = 0.005
+"""To which the corners are rounded [m]."""
 
 
 def told_ranges(scan: LaserScan) -> Array:
@@ -33,16 +41,6 @@ def ranges_of(told: Array) -> Array:
     """Ranges as `LaserScan` takes them, of what `told_ranges` gave."""
     ranges: Array = np.where(told == CLEAR, np.inf, np.where(told < 0.0, np.nan, told))
     return ranges
-
-
-BEAMS = 120
-"""Hits of a scan that a report shows at the most."""
-CORNERS = 90
-"""Of the outline of what a scan saw to be free."""
-ALL_AROUND = 0.99 * 2.0 * np.pi
-"""Field of view without a gap [rad]."""
-STEP = 0.005
-"""To which the corners are rounded [m]."""
 
 
 def scan_among(obstacles: Any) -> LaserScan | None:

@@ -13,7 +13,7 @@ import struct
 from dataclasses import dataclass
 
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing.packets import Packets
+from firmware_bridge.link.framing import Packets
 from firmware_bridge.sensors.lidar.lidar import SerialLidar
 from firmware_bridge.sensors.lidar.turns import Turns
 
@@ -25,6 +25,12 @@ POINT = struct.Struct("<HB")
 POLYNOMIAL = 0x4D
 CIRCLE = 36000
 """A turn in hundredths of a degree."""
+BAUD = 230400
+RANGE_MIN, RANGE_MAX = 0.02, 12.0
+"""[m]"""
+RADIANS = math.tau / CIRCLE
+SLOWEST = 360
+"""A motor that makes less than a turn a second is stuck, or has no power [deg/s]."""
 
 
 def _table() -> bytes:
@@ -107,14 +113,6 @@ class Ld06Packets(Packets[Ld06Packet]):
         self.packets += 1
         _, speed, first, points, last, time, _ = PACKET.unpack(frame)
         return SIZE, Ld06Packet(speed, first, tuple(POINT.iter_unpack(points)), last, time)
-
-
-BAUD = 230400
-RANGE_MIN, RANGE_MAX = 0.02, 12.0
-"""[m]"""
-RADIANS = math.tau / CIRCLE
-SLOWEST = 360
-"""A motor that makes less than a turn a second is stuck, or has no power [deg/s]."""
 
 
 class Ld06(SerialLidar):

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from kmpc_lite.control.clock import newest_weight
 from kmpc_lite.control.estimate.history import DrivenPeriod
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.lately import newest_weight
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds

@@ -6,19 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
-from kmpc_lite.control.kernels.fill import (
+from kmpc_lite.control.kernels.records import (
     NOISE_ARRAYS,
+    SLOWER,
     Around,
+    Brakes,
     Iterate,
     KeepOut,
+    Motions,
     Noise,
     Numbers,
     PlanMargins,
+    Timed,
 )
-from kmpc_lite.control.kernels.following import Timed
-from kmpc_lite.control.kernels.safe_motion import SLOWER, Brakes, Motions
+from kmpc_lite.control.kernels.scan_library import Bits
 from kmpc_lite.control.kernels.scan_library import dense as _dense
-from kmpc_lite.control.kernels.scan_map import Bits
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import STATES, Array
 

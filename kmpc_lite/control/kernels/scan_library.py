@@ -1,4 +1,7 @@
-"""The kernels in C for scans and circles that are followed."""
+"""The kernels in C for scans, and for circles that are followed.
+
+Sizes: a map of H by W cells, at most 400 by 400.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
-from kmpc_lite.control.kernels.scan_map import Bits, Cells, Singles
 from kmpc_lite.types import Array
 
+Bits = NDArray[np.bool_]
+Cells = NDArray[np.int8]
+Singles = NDArray[np.float32]
 dense: Callable[[Array], Array] = partial(np.ascontiguousarray, dtype=np.float64)
 """Array as the kernels take it: float64, row by row."""
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels.fill import Noise
+from kmpc_lite.control.kernels.records import Noise
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from kmpc_lite.control.kernels.fill import Numbers
+from kmpc_lite.control.kernels.records import Numbers
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car

@@ -3,6 +3,10 @@
 For each clearance, the widest first, shortest ways to the goal are looked for on a grid, and
 strings pulled taut along them. The cheapest path is taken: what it costs is its time, longer where
 it is narrow or unknown, what it takes to switch to it, and the time that was lost on it before.
+
+A round robot deep in an obstacle's margin is led straight out first. A search takes the obstacle
+for as small as lets the robot be outside; deep in the margin its path would lead along the
+obstacle, where hardly any motion is safe.
 """
 
 from __future__ import annotations
@@ -15,25 +19,22 @@ from operator import attrgetter
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii, unit_length
-
-# here, for no step has time to import its image filters
+from kmpc_lite.control.options import GuidanceOptions, unit_length
+from kmpc_lite.control.path.capabilities import swing
 from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapFields, Ways
-from kmpc_lite.control.path.planner import Path, PathRequest
-from kmpc_lite.control.path.price import (
-    extra_time,
-    fits,
-    look_times,
-    lost_time,
-    narrowness,
-    same_side,
-    switching_time,
+from kmpc_lite.control.path.planner import ROUNDING, Path, PathRequest, Route
+from kmpc_lite.control.path.taut_string import (
+    CUT_DEPTH,
+    GeometricPath,
+    Line,
+    Surroundings,
+    TautStrings,
 )
-from kmpc_lite.control.path.surroundings import all_clearances, led_out, way_out
-from kmpc_lite.control.path.taut_string import GeometricPath, Line, Surroundings, TautStrings
 from kmpc_lite.control.path.timed_path import poses_along
+from kmpc_lite.control.path.ways import outline_distances
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import wrap
+from kmpc_lite.geometry import angle_swept, wrap
+from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
 UNFIT_COST = 1000.0
@@ -57,6 +58,24 @@ APART = 3
 """How many of these directions two of them lie apart at the least."""
 CHOICE = 3
 """Most ways of one clearance that are compared."""
+BODY_SAMPLES = 400
+"""Largest number of poses of a path at which it is looked first whether a robot that is not round
+fits."""
+HALVINGS = 4
+"""How often it is looked between two poses that are too far apart to be sure."""
+DEEP = 0.015
+"""A robot that is so deep in a margin is led out first [m] ..."""
+OUTSIDE = 0.03
+"""... to where it keeps so much more than the margin [m]: there it turns."""
+OUTWARDS = 64
+"""Directions in which a way out is looked for ..."""
+FARTHER = np.array([1.0, 1.25, 1.5, 1.75])
+"""... and lengths, as multiples of what is missing."""
+OUTWARD_SHARE = 0.55
+"""Least share of the way that leads away from what is near: a motion that leads away by less than
+half of it is not safe."""
+LEAST_CLEARANCE = 0.005
+"""Clearance that is tried last: a path that keeps less would not be driven [m]."""
 
 
 class GridPlanner:
@@ -249,3 +268,161 @@ class GridPlanner:
             return True
         away = math.dist(request.start[:2], request.goal[:2]) / float(request.forward[0])
         return self._price <= away * narrowness(clearance, self._widest, self._options)
+
+
+def narrowness(clearance: float, widest: float, options: GuidanceOptions) -> float:
+    """How many times its time a path counts that keeps a clearance, of the widest one [m]."""
+    return 1.0 + options.narrow_cost * (1.0 - clearance / widest)
+
+
+def switching_time(path: GeometricPath, request: PathRequest, options: GuidanceOptions) -> float:
+    """What it costs to leave the path that is driven for this one [s]."""
+    if request.driven is None:
+        return 0.0
+    return max(options.switch_time, request.gear_time) + options.switch_share * path.time
+
+
+def lost_time(
+    path: GeometricPath, clearance: float, request: PathRequest, landmarks: Array
+) -> float:
+    """Time that was lost on paths like this one [s]."""
+    return sum(
+        route.lost
+        for route in request.tried
+        if abs(route.clearance - clearance) <= CUT_DEPTH and same_side(route, path, landmarks)
+    )
+
+
+def extra_time(path: GeometricPath, request: PathRequest, options: GuidanceOptions) -> float:
+    """What a change of gear, turning back, and the unknown cost [s]."""
+    extra = 0.0
+    if request.driven is not None and request.driven.reverse != path.reverse:
+        extra += request.gear_time
+    heading = float(path.headings[0]) + (math.pi if path.reverse else 0.0)
+    if request.turned * wrap(heading - float(request.start[2])) < 0.0:
+        extra += abs(request.turned) / float(request.forward[1])
+    if request.known is not None:
+        unknown = request.known.unknown_length(path.points)
+        extra += options.unknown_cost * unknown / float(request.forward[0])
+    return extra
+
+
+def look_times(request: PathRequest, points: Array, plan_time: float) -> tuple[float, float]:
+    """How long the robot stops on its way to look, driving forwards, and backwards [s].
+
+    If no scanner looks in the direction in which it drives, it turns round to look, and back,
+    each time it has come to the end of what it saw: that is as far as plans lead.
+    """
+    known = request.known
+    if known is None or not any(known.blind_turns):
+        return 0.0, 0.0
+    speed, turn_rate = request.forward.tolist()
+    unknown = known.unknown_length(points)
+    looks = max(unknown / (speed * plan_time), 1.0) if unknown else 0.0
+    ahead, behind = (2.0 * looks * turn / turn_rate for turn in known.blind_turns)
+    return ahead, behind
+
+
+def fits(path: GeometricPath, request: PathRequest, margin: float) -> bool:
+    """Whether all circles of a robot keep a margin [m] along a path, and where it begins and ends.
+
+    Turns on the spot included.
+    """
+    corners = poses_along(path, request.start, request.goal)
+    radius = float(request.outline[0, 2])
+    reach = float(np.hypot(*request.outline[:, :2].T).max())
+    steps = np.diff(corners, axis=0)
+    moved = np.hypot(steps[:, 0], steps[:, 1]) + reach * np.abs(steps[:, 2])
+    places = np.concatenate([[0.0], np.cumsum(moved)])
+    count = min(2 + math.ceil(places[-1] / (0.5 * radius)), BODY_SAMPLES)
+    along = np.linspace(0.0, places[-1], count)
+
+    def distances_at(along: Array) -> Array:
+        poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
+        return outline_distances(request, poses)
+
+    distances = distances_at(along)
+    # where it stands now, and where it is to stand, it may be as near as it is
+    needed = min(margin, float(distances[0]), float(distances[-1])) - CUT_DEPTH
+    for _ in range(HALVINGS):
+        unsure = distances[:-1] + distances[1:] - np.diff(along) < 2.0 * needed
+        if not unsure.any() or (distances < needed).any():
+            break
+        after, between = np.flatnonzero(unsure) + 1, 0.5 * (along[:-1] + along[1:])[unsure]
+        along = np.insert(along, after, between)
+        distances = np.insert(distances, after, distances_at(between))
+    return bool((distances >= needed).all())
+
+
+def same_side(route: Route, path: GeometricPath, landmarks: Array) -> bool:
+    """Tell whether two paths to one goal pass every obstacle on the same side, in the same gear.
+
+    `route`: one of them. `path`: the other one. `landmarks`: a point in each obstacle, (L, 2) [m].
+    """
+    if route.reverse != path.reverse:
+        return False
+    turned = angle_swept(route.points, landmarks) - angle_swept(path.points, landmarks)
+    return bool((np.abs(turned) < np.pi).all())
+
+
+def way_out(request: PathRequest) -> Array | None:
+    """Pose (3,) to which a round robot deep in a margin drives first; None if it is not.
+
+    It lies straight ahead or behind once the robot has turned.
+    """
+    start, needed = request.start, request.inflation + OUTSIDE
+    around = float(request.distances(start[None, :2])[0])
+    if request.inflation - around <= DEEP:
+        return None
+    courses = start[2] + math.tau / OUTWARDS * np.arange(OUTWARDS)
+    lengths = (FARTHER * (needed - around))[:, None]
+    away = lengths[..., None] * np.stack([np.cos(courses), np.sin(courses)], axis=1)
+    ends, middles = start[:2] + away, start[:2] + 0.5 * away
+    clear = ((ends >= request.area[0]) & (ends <= request.area[1])).all(axis=2)
+    shape = clear.shape
+    reached = request.distances(ends.reshape(-1, 2)).reshape(shape)
+    between = request.distances(middles.reshape(-1, 2)).reshape(shape)
+    clear &= (reached >= needed - ROUNDING) & (reached >= around + OUTWARD_SHARE * lengths)
+    clear &= between > around
+    if not clear.any():
+        return None
+    ahead = np.abs(wrap(courses - start[2]))
+    behind = np.full(len(ahead), np.inf)
+    if request.backward[0] > 0.0:
+        behind = math.pi - ahead
+    times = np.minimum(ahead, behind) / request.forward[1] + lengths / request.forward[0]
+    length, best = divmod(int(np.where(clear, times, np.inf).argmin()), OUTWARDS)
+    turned = math.pi if behind[best] < ahead[best] else 0.0
+    return np.array([*ends[length, best], courses[best] + turned])
+
+
+def led_out(path: Path, start: Array) -> Path:
+    """Give a path that begins at a way out, from a pose (3,) of the robot on."""
+    poses = path.poses.copy()
+    poses[:, 2] += start[2] + wrap(float(poses[0, 2] - start[2])) - poses[0, 2]
+    turned = np.array([start[0], start[1], poses[0, 2]])
+    return replace(path, poses=np.concatenate([start[None], turned[None], poses]))
+
+
+def all_clearances(request: PathRequest, turning: float, options: GuidanceOptions) -> list[float]:
+    """Clearances that are tried [m], the widest first.
+
+    `request`: has the clearance at full speed, and the turning centre. `turning`: what the robot
+    needs beyond half its width to turn on the spot [m]; a round one nothing. `options`: in metres.
+    """
+    widest, centre = options.wide_clearance, request.centre
+    narrow = [options.narrow_clearance, LEAST_CLEARANCE]
+    clearances = [widest, *narrow]
+    if request.clearance > widest:
+        clearances = [request.clearance, *clearances]
+    beside = 0.0 if centre is None else abs(float(centre[1]))
+    if turning:
+        # first where it may turn anywhere, then where it just fits through
+        wider = [c + turning + swing(centre) for c in clearances]
+        return wider + [c + beside for c in (widest, *narrow)]
+    if centre is None:
+        return clearances
+    # the pose swings around the turning centre: where that is too wide, only as far as it lies
+    # beside it
+    around = swing(centre)
+    return [c + around for c in clearances] + [c + beside for c in narrow]

@@ -15,19 +15,14 @@ from time import perf_counter
 import numpy as np
 
 from kmpc_lite.control.kernels import library
-from kmpc_lite.control.kernels.following import leg_end
-from kmpc_lite.control.options import (
-    GuidanceOptions,
-    MovingObstacleOptions,
-    lengths_from_radii,
-    unit_length,
-)
-from kmpc_lite.control.path.capabilities import Capabilities, follows_poses
-from kmpc_lite.control.path.field.field_planner import FieldPlanner
-from kmpc_lite.control.path.goal_checker import content_with, holds
+from kmpc_lite.control.kernels.records import leg_end
+from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, unit_length
+from kmpc_lite.control.path.capabilities import Capabilities, follows_poses, seen_from
+from kmpc_lite.control.path.field_planner import FieldPlanner
 from kmpc_lite.control.path.grid_planner import GridPlanner
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
+from kmpc_lite.control.path.progress import content_with, holds
 from kmpc_lite.control.path.replan import Replanner
 from kmpc_lite.control.path.search_driver import STANDS
 from kmpc_lite.control.path.situation import (
@@ -40,10 +35,10 @@ from kmpc_lite.control.path.situation import (
 )
 from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
-from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import seen_along
+from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
 NEAR_CUSP = 0.075

@@ -1,14 +1,23 @@
-"""Time lost on the way: since the best time to go last fell, of the path and of the goal.
+"""Time lost on the way, and whether the robot has arrived.
 
-Of the path it is the patience of a robot that stands: then it looks for a path from where it is. Of
-the goal it tells that the robot has stalled: whatever paths it was given meanwhile, it has not come
-nearer than before.
+Time is lost since the best time to go last fell, of the path and of the goal. Of the path it is the
+patience of a robot that stands: then it looks for a path from where it is. Of the goal it tells
+that the robot has stalled: whatever paths it was given meanwhile, it has not come nearer than
+before. It has arrived where it stands within tolerances, until it is pushed out of them.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from kmpc_lite.control.clock import newest_weight
+from kmpc_lite.control.options import GoalOptions
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import tube_noise
+from kmpc_lite.types import Array
 
 PROGRESS_TIME = 0.05
 """How much time of its path the robot must have left behind for that to count as progress [s]."""
@@ -17,6 +26,34 @@ PATIENCE = 0.8
 DETOUR_TIME = 0.5
 """A new path that is longer than what was left of the old one by this time is a detour: the
 patience begins anew [s]."""
+PUSHED = 1.5
+"""How many times a wider tolerance a single pose is farther away, at the least, of a robot that was
+pushed."""
+TURN_SHARE = 0.8
+"""Share of `leave_distance` at which the last turn may begin; it is given up at the whole."""
+OFF_PATH = 0.01
+"""A robot near its goal looks for a new path when it is farther from its path than this [m]."""
+QUIET = 0.006, 0.024
+"""Standard deviations of measured positions [m] and headings [rad] up to these widen nothing."""
+BY_POSITION = {
+    "turn_distance": 1.0,
+    "turn_limit": 3.5,
+    "enter_distance": 1.0,
+    "leave_distance": 2.5,
+    "pushed_distance": 4.0,
+    "off_path": 3.0,
+}
+"""How many times the deviation beyond the quiet one widens each tolerance: chance hardly
+ever carries a single pose farther than 3 to 5 of them, an averaged one than a third of that."""
+BY_HEADING = {"enter_angle": 1.0, "leave_angle": 1.5, "pushed_angle": 4.5}
+"""The same of headings."""
+CONTENT_STALLS, CONTENT_MOST = 4, 5
+"""After so many stalls, one after the other, the robot is content with twice its tolerances, then
+with once more of them after each further one, up to so many times: what cannot be reached more
+closely is held where it is."""
+AVERAGING_PERIOD = 0.1
+"""Longest period [s] whose poses are averaged by `averaging_time`; a longer one counts as this, so
+that five poses count at the least: how much noise is left hangs on how many they are."""
 
 
 @dataclass(slots=True)
@@ -95,3 +132,141 @@ class ProgressState:
     def gets_on(self, left: float) -> bool:
         """Whether a robot that has stalled gets on since: on a detour it is not nearer for long."""
         return not self.is_stuck and self.worst_left - left > PATIENCE
+
+
+@dataclass(frozen=True, slots=True)
+class GoalTolerances:
+    """How near to the goal is near enough, for one robot, and how its pose is averaged for it."""
+
+    turn_distance: float
+    """Distance at which the last turn may begin [m]."""
+    turn_limit: float
+    """Distance at which a last turn is given up [m]."""
+    enter_distance: float
+    """Distance at which the robot has arrived [m]."""
+    enter_angle: float
+    """Error of the heading at which the robot has arrived [rad]."""
+    leave_distance: float
+    """Distance of the averaged pose at which it drives again [m]."""
+    leave_angle: float
+    """Error of the averaged heading at which it drives again [rad]."""
+    pushed_distance: float
+    """Distance of one single pose at which it drives again [m]."""
+    pushed_angle: float
+    """Error of one single heading at which it drives again [rad]."""
+    off_path: float
+    """Distance from the path at which a new one is looked for near the goal [m]."""
+    averaging: float
+    """Weight of the newest pose in the averaged one."""
+
+
+def widened(limits: GoalTolerances, longer: float, wider: float) -> GoalTolerances:
+    """Distances so many times as long and angles as wide, but for the path's.
+
+    A robot that is pushed is so beyond them.
+    """
+    distance, angle = longer * limits.leave_distance, wider * limits.leave_angle
+    return replace(
+        limits,
+        turn_distance=longer * limits.turn_distance,
+        turn_limit=longer * limits.turn_limit,
+        enter_distance=longer * limits.enter_distance,
+        enter_angle=wider * limits.enter_angle,
+        leave_distance=distance,
+        leave_angle=angle,
+        pushed_distance=max(limits.pushed_distance, PUSHED * distance),
+        pushed_angle=max(limits.pushed_angle, PUSHED * angle),
+    )
+
+
+def goal_tolerances(
+    model: MotionModel, options: GoalOptions, asked: Array | None = None
+) -> GoalTolerances:
+    """Widen the tolerances by the noise of the measured pose that the model has learned.
+
+    `model`: its noise at rest is that of the measured poses, its period is between two of them.
+    `options`: lengths as the model's. `asked`: distance and angle (2,) within which the robot is to
+    stay: a problem's `goal_tolerance`. It takes the place of `leave_distance` and `leave_angle`,
+    and what is decided nearer to the goal grows and shrinks with it.
+    """
+    o = options
+    found = GoalTolerances(
+        turn_distance=TURN_SHARE * o.leave_distance,
+        turn_limit=o.leave_distance,
+        enter_distance=o.enter_distance,
+        enter_angle=o.enter_angle,
+        leave_distance=o.leave_distance,
+        leave_angle=o.leave_angle,
+        pushed_distance=o.pushed_distance,
+        pushed_angle=o.pushed_angle,
+        off_path=OFF_PATH,
+        averaging=newest_weight(o.averaging_time, model.dt, AVERAGING_PERIOD),
+    )
+    if asked is not None:
+        distance, angle = asked.tolist()
+        found = widened(found, distance / o.leave_distance, angle / o.leave_angle)
+    deviations = tube_noise(model.noise_model, model.dt).pose_deviation
+    for deviation, quiet, by in zip(deviations, QUIET, (BY_POSITION, BY_HEADING), strict=True):
+        noise = max(deviation - quiet, 0.0)
+        found = replace(found, **{name: getattr(found, name) + k * noise for name, k in by.items()})
+    return found
+
+
+@dataclass(slots=True)
+class GoalCheckerState:
+    """What the goal checker remembers."""
+
+    holding: bool = False
+    """Whether the robot has arrived."""
+    mean_error: Array = field(default_factory=lambda: np.zeros(3))
+    """Averaged pose less goal (3,) since then [m, m, rad]."""
+
+
+def content_with(tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
+    """Tolerances of a robot that has not got nearer for so many stalls."""
+    if stalls < CONTENT_STALLS:
+        return tolerances
+    times = min(stalls - CONTENT_STALLS + 2, CONTENT_MOST)
+    return widened(tolerances, times, times)
+
+
+def holds(
+    state: GoalCheckerState,
+    tolerances: GoalTolerances,
+    error: Array,
+    stalled: bool = False,
+    *rests: Array,
+) -> bool:
+    """Tell whether the command is to be zero.
+
+    `state`: updated. `tolerances`: of this robot. `error`: pose less goal (3,) [m, m, rad], the
+    heading's in [-pi, pi]. `stalled`: whether the robot gets no nearer: it has arrived where it
+    would not leave again. `*rests`: the same of poses at which the robot would stand if it braked
+    now: by its model, and by how it was seen to move. It holds where all of them are within
+    tolerance.
+    """
+    if not state.holding:
+        state.holding = all(_has_arrived(e, tolerances, stalled) for e in (error, *rests))
+        if state.holding:
+            state.mean_error = error.copy()
+        return state.holding
+    state.mean_error += tolerances.averaging * (error - state.mean_error)
+    distance, turn = _sizes(error)
+    mean_distance, mean_turn = _sizes(state.mean_error)
+    pushed = distance > tolerances.pushed_distance or turn > tolerances.pushed_angle
+    drifted = mean_distance > tolerances.leave_distance or mean_turn > tolerances.leave_angle
+    state.holding = not (pushed or drifted)
+    return state.holding
+
+
+def _has_arrived(error: Array, tolerances: GoalTolerances, stalled: bool) -> bool:
+    distance, turn = _sizes(error)
+    if stalled:
+        return distance <= tolerances.leave_distance and turn <= tolerances.leave_angle
+    return distance <= tolerances.enter_distance and turn <= tolerances.enter_angle
+
+
+def _sizes(error: Array) -> tuple[float, float]:
+    """Distance [m] and angle [rad] of an error (3,)."""
+    x, y, turn = error.tolist()
+    return math.hypot(x, y), abs(turn)

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, some_move, some_spread
-from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii, unit_length
-from kmpc_lite.control.path.capabilities import Capabilities
+from kmpc_lite.control.options import MovingObstacleOptions, unit_length
+from kmpc_lite.control.path.capabilities import Capabilities, point_of, swing
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
-from kmpc_lite.control.path.turning_centre import point_of, swing
 from kmpc_lite.control.plan import NO_PROGRESS, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
-    from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.world.view import View
 
 NO_TURNS = np.empty(0)
 TOLD_STALLS = 2

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import COLUMNS, VELOCITY
-from kmpc_lite.control.path.goal_checker import GoalCheckerState
 from kmpc_lite.control.path.planner import PathRequest, Route, distances_around
-from kmpc_lite.control.path.progress import ProgressState
+from kmpc_lite.control.path.progress import GoalCheckerState, ProgressState
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels import following
-from kmpc_lite.control.kernels.following import Timed
+from kmpc_lite.control.kernels.records import Timed, poses_at
 from kmpc_lite.control.path.planner import Path, Route
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
@@ -89,7 +88,7 @@ class TimedPath:
 
     def at(self, times: Array) -> Array:
         """Poses (n, 3) at times (n,) [s]; the ends are held."""
-        return following.poses_at(self.timed, times)
+        return poses_at(self.timed, times)
 
     def gear_at(self, time: float) -> int:
         """Gear, 1 or -1, of what is driven after a time [s]."""

@@ -1,4 +1,7 @@
-"""Occupancy grids: what a map server or a costmap gives, reduced to few rectangles."""
+"""Occupancy grids: what a map server or a costmap gives, reduced to few rectangles.
+
+Of these it is told how far points are, and which way.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kmpc_lite.control.convex import FARTHEST
+from kmpc_lite.control.footprint import FARTHEST
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.scan_library import rectangles
-from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
+from kmpc_lite.control.options import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
@@ -24,6 +28,13 @@ USUAL_THRESHOLD = 65.0
 """map_server's, of 100."""
 DOUBTFUL = 50.0
 """Of 100: a cell that is as likely occupied as free, or likelier, is not known to be free."""
+AT = 1e-9
+"""Distance at which a direction cannot be told [m]."""
+GRID_COLUMNS = 4
+"""Half-planes that a grid has at each stage: the nearest rectangle, then the nearest that does not
+lie behind those taken."""
+BEHIND = 1e-3
+"""`behind` of rectangles that are exact [m]."""
 
 
 class OccupancyGrid:
@@ -281,3 +292,67 @@ def count_runs(occupied: NDArray[np.bool_]) -> int:
     """How many runs of occupied cells the rows have."""
     begins = np.count_nonzero(occupied[:, 1:] & ~occupied[:, :-1])
     return int(begins + np.count_nonzero(occupied[:, 0]))
+
+
+def away(low: Array, high: Array, points: Array) -> tuple[Array, Array, Array]:
+    """Distances (n, B) [m], negative inside, and x and y (n, B) of the normals times them."""
+    here_x, here_y = points[:, :1], points[:, 1:]
+    x = here_x - np.minimum(np.maximum(here_x, low[:, 0]), high[:, 0])
+    y = here_y - np.minimum(np.maximum(here_y, low[:, 1]), high[:, 1])
+    distance = np.sqrt(x * x + y * y)
+    if distance.min(initial=1.0) <= AT:
+        sides = np.stack(
+            [here_x - low[:, 0], here_y - low[:, 1], high[:, 0] - here_x, high[:, 1] - here_y],
+            axis=-1,
+        )
+        inside, side = distance <= AT, sides.argmin(axis=-1)
+        # a side that is touched still has a direction
+        distance = np.where(inside, np.minimum(-sides.min(axis=-1), -AT), distance)
+        x = np.where(inside, distance * np.array([-1.0, 0.0, 1.0, 0.0])[side], x)
+        y = np.where(inside, distance * np.array([0.0, -1.0, 0.0, 1.0])[side], y)
+    return distance, x, y
+
+
+class Boxes:
+    """Rectangles along the axes of a grid.
+
+    `low`, `high`: corners (B, 2), (B, 2) [m], in the grid's frame. `grid`: whose. `behind`: how far
+    a rectangle's nearest point may stand out of another one's half-plane and count as behind it
+    [m].
+    """
+
+    def __init__(
+        self, low: Array, high: Array, grid: OccupancyGrid, behind: float = BEHIND
+    ) -> None:
+        self.low, self.high = np.ascontiguousarray(low), np.ascontiguousarray(high)
+        self.grid, self._behind = grid, behind
+
+    @property
+    def outermost(self) -> Array:
+        """Corners (4 B, 2) of the rectangles in the map [m]."""
+        (x_min, y_min), (x_max, y_max) = self.low.T, self.high.T
+        x = np.concatenate([x_min, x_max, x_max, x_min])
+        y = np.concatenate([y_min, y_min, y_max, y_max])
+        return self.grid.to_map(np.stack([x, y], axis=1))
+
+    def take(self, chosen: Array) -> Boxes:
+        """Some of the rectangles."""
+        return Boxes(self.low[chosen], self.high[chosen], self.grid, self._behind)
+
+    def distances(self, points: Array) -> Array:
+        """Distances (n, B) of points (n, 2) [m], negative inside."""
+        return away(self.low, self.high, self.grid.to_grid(points))[0]
+
+    def least(self, points: Array) -> Array:
+        """Distances (n,) of points (n, 2) from the nearest rectangle [m], negative inside."""
+        return library.box_distances(self.low, self.high, self.grid.to_grid(points))
+
+    def choose(self, points: Array) -> tuple[Array, Array, Array]:
+        """Choose the rectangles that matter at points (n, 2) [m].
+
+        Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
+        """
+        columns, here = min(GRID_COLUMNS, len(self.low)), self.grid.to_grid(points)
+        asked = self.low, self.high, here, self._behind, columns
+        chosen, distance, normals = library.nearest_boxes(*asked)
+        return chosen, distance, self.grid.turn(normals)

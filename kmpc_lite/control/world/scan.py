@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kmpc_lite.control.convex import FARTHEST
+from kmpc_lite.control.footprint import FARTHEST
 from kmpc_lite.control.input_checks import POSITION_LIMIT
 from kmpc_lite.control.kernels import scan_library
-from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
+from kmpc_lite.control.options import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
 from kmpc_lite.types import Array

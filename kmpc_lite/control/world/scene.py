@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.options.sight import USUAL_OBSTACLES, ObstacleOptions
-from kmpc_lite.control.world.circles import Circle, circles_to_array
+from kmpc_lite.control.options import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.control.world.shapes import Circle, Polygon, Wall, circles_to_array
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:

@@ -13,11 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.kernels.boxes import AT
-from kmpc_lite.control.world.boxes import GRID_COLUMNS, Boxes
-from kmpc_lite.control.world.occupancy import OccupancyGrid
-from kmpc_lite.control.world.outline_gaps import sharpen, with_turning
-from kmpc_lite.control.world.outlines import MANY, Outlines, corners_of
+from kmpc_lite.control.world.occupancy import AT, GRID_COLUMNS, Boxes, OccupancyGrid
+from kmpc_lite.control.world.outlines import MANY, Outlines, corners_of, sharpen, with_turning
 from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.types import Array

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.options.sight import TrackerOptions
-from kmpc_lite.control.world.circles import Circle, circles_to_array
+from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.tracks import Follower, Tracks
-from kmpc_lite.control.world.walkers import clusters, walking_tracks
+from kmpc_lite.control.world.shapes import Circle, circles_to_array
+from kmpc_lite.control.world.tracks import Follower, Tracks, clusters, walking_tracks
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
 from kmpc_lite.types import Array

@@ -30,10 +30,18 @@ from kmpc_lite.control.kernels.clearance import (
 )
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.local_map import LocalMap
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.control.world.sight.local_map import LocalMap
-from kmpc_lite.control.world.tracks import GIVEN, SCANNED, Follower, TrackedCircles, stand
-from kmpc_lite.control.world.walkers import clusters, walking_tracks, was_free
+from kmpc_lite.control.world.tracks import (
+    GIVEN,
+    SCANNED,
+    Follower,
+    TrackedCircles,
+    clusters,
+    stand,
+    walking_tracks,
+    was_free,
+)
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-6

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_bridge.integration.course import BUDGET
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 from kmpc_lab.bench.drives import SLIP, free_pose, random_circles
 from kmpc_lab.bench.steps import HEAD, format_times
@@ -44,7 +45,7 @@ class LoopResult:
     skipped: int
     """Periods that were left out."""
     statuses: dict[str, int]
-    budget: float | None = None
+    budget: float
     """`Controller`'s time_budget [s]."""
 
     def as_dict(self) -> dict[str, Any]:
@@ -58,14 +59,8 @@ class LoopResult:
             "share_of_commands_after_their_period": self.response.share_above(period),
             "skipped_periods": self.skipped,
             "statuses": self.statuses,
-            **(
-                {}
-                if self.budget is None
-                else {
-                    "budget_ms": 1e3 * self.budget,
-                    "share_of_steps_over_budget": self.steps.share_above(self.budget),
-                }
-            ),
+            "budget_ms": 1e3 * self.budget,
+            "share_of_steps_over_budget": self.steps.share_above(self.budget),
         }
 
     def __str__(self) -> str:
@@ -83,12 +78,11 @@ class LoopResult:
             "commands that came after their period: "
             f"{100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}"
         )
-        if self.budget is not None:
-            over, p999 = d["share_of_steps_over_budget"], d["steps"]["p99.9"] / d["budget_ms"]
-            lines.append(
-                f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, "
-                f"p99.9 is {p999:.2f} of it"
-            )
+        over, p999 = d["share_of_steps_over_budget"], d["steps"]["p99.9"] / d["budget_ms"]
+        lines.append(
+            f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, "
+            f"p99.9 is {p999:.2f} of it"
+        )
         return "\n".join(lines)
 
 
@@ -133,8 +127,8 @@ def run_loop(
     `model`, `problem`: every tick of the loop is one period of the problem: at 100 Hz a robot with
     dt = 0.1 s lives ten times as fast. `rate`, `seconds`: of the loop [Hz], [s]. `seed`: of maps
     and goals. `load`: whether the other cores are kept busy. `budget`: `Controller`'s time_budget
-    [s]: steps then make as many passes as it allows, not one. `progress`: called about once a
-    second with seconds done and in all.
+    [s]: steps then make as many passes as it allows; without it one, in the time that ``kmpc run``
+    gives them. `progress`: called about once a second with seconds done and in all.
     """
     cores = sorted(os.sched_getaffinity(0))
     random = np.random.default_rng(seed)
@@ -142,6 +136,7 @@ def run_loop(
     x, goal = free_pose(random, circles), free_pose(random, circles)
     # a budget means something where there is more to do than it allows
     passes = 1 if budget is None else ANYTIME_PASSES
+    budget = BUDGET / rate if budget is None else budget
     controller = Controller(
         model, problem, sqp_iterations=passes, tolerance=1e-9, time_budget=budget
     )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
-from kmpc_lab.peers.paper import short_way
+from kmpc_lab.peers.ipopt import short_way
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.kernels import clearance as things
 from kmpc_lite.control.problem import NavigationProblem
@@ -23,23 +23,6 @@ EQUAL = 1e-3
 """A cost is as good as another that is smaller by no more than this share of it."""
 OBEYED = 1e-4
 """A plan is feasible that enters no obstacle by more [m]."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """One state, two plans."""
-
-    drive: int
-    step: int
-    excess: float
-    """Cost of ours over IPOPT's, less 1."""
-    violation: float
-    """How deep ours enters an obstacle or leaves the area [m]."""
-    peer_violation: float
-    verdict: str
-    """One of `VERDICTS`."""
-
-
 VERDICTS = {
     "as good": (
         f"cost within {100 * EQUAL:g} % of IPOPT's or better, violation at most {1e3 * OBEYED:g} mm"
@@ -55,6 +38,21 @@ VERDICTS = {
 }
 APART = 0.05
 """Plans that are farther apart than this somewhere go another way [m]."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One state, two plans."""
+
+    drive: int
+    step: int
+    excess: float
+    """Cost of ours over IPOPT's, less 1."""
+    violation: float
+    """How deep ours enters an obstacle or leaves the area [m]."""
+    peer_violation: float
+    verdict: str
+    """One of `VERDICTS`."""
 
 
 def compare(

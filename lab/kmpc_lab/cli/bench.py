@@ -20,6 +20,8 @@ QUALITY_STEPS = 50
 """States of a recorded drive that IPOPT solves until it converges."""
 SHARED = ("--drives", "--tuning", "--only", "--picture", "--seconds", "--no-load", "--budget")
 """Options that not every job reads."""
+RECORDED = ("--drives", "--tuning")
+"""What a job reads that records drives."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
 
 def _beside(options: argparse.Namespace) -> tuple[Any, str]:
     """Boards side by side, from files."""
-    from kmpc_lab.bench.boards import format_boards, read_board
+    from kmpc_lab.bench.steps import format_boards, read_board
 
     boards = [read_board(file) for file in options.beside]
     return [board._asdict() for board in boards], format_boards(boards)
@@ -65,7 +67,7 @@ def _beside(options: argparse.Namespace) -> tuple[Any, str]:
 def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model, record
     from kmpc_lab.bench.quality import as_dicts, compare, format_comparison
-    from kmpc_lab.peers.paper import papers_problem
+    from kmpc_lab.peers.ipopt import papers_problem
 
     model, problem = learned_model(), papers_problem()
     bar = ProgressBar("quality", quiet=options.json)
@@ -84,7 +86,7 @@ def _fit(options: argparse.Namespace) -> tuple[Any, str]:
 def _loop(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model
     from kmpc_lab.bench.loop import run_loop
-    from kmpc_lab.peers.paper import papers_problem
+    from kmpc_lab.peers.ipopt import papers_problem
 
     seconds = SECONDS if options.seconds is None else options.seconds
     how = options.loop, seconds, _seed(options), not options.no_load, options.budget
@@ -94,7 +96,7 @@ def _loop(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _install_acados(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.peers.acados_wheel import install
+    from kmpc_lab.peers.acados import install
 
     folder = install()
     return {"acados": str(folder)}, f"acados is in {folder}"
@@ -112,8 +114,6 @@ def _drives(options: argparse.Namespace) -> int:
     return DRIVES if options.drives is None else int(options.drives)
 
 
-RECORDED = ("--drives", "--tuning")
-"""What a job reads that records drives."""
 COMPARISON = Job(_compare, (*RECORDED, "--only", "--picture"))
 """What is done if no job is named."""
 JOBS = {

@@ -16,14 +16,14 @@ from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lab.emulator.build import Emulator, build_emulator
-from kmpc_lab.emulator.lidar.kinds import Eyes
+from kmpc_lab.emulator.lidar import Eyes
 from kmpc_lab.emulator.mocap import MocapSender
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
-    from kmpc_lab.emulator.lidar.lidar import LidarEmulator
+    from kmpc_lab.emulator.lidar import LidarEmulator
     from kmpc_lite.scenario.files import Scenario
 
 TOPICS = "topics"
@@ -116,7 +116,7 @@ def run(options: argparse.Namespace) -> int:
 def _topics(options: argparse.Namespace) -> Emulator:
     """Build a robot behind ROS 2 topics."""
     need("without /opt/ros/$ROS_DISTRO/setup.bash sourced, kmpc emulate ros2", "rclpy")
-    from kmpc_lab.emulator.ros2.robot import EmulatedRobot, Ros2Emulator
+    from kmpc_lab.emulator.ros2 import EmulatedRobot, Ros2Emulator
     from kmpc_lite.scenario.files import Scenario
 
     given: dict[str, Any] = {

@@ -126,7 +126,7 @@ def simulate(
     """
     from kmpc_lab.recording.simulated import SimulationRecorder
     from kmpc_lab.sim.closed_loop import drive
-    from kmpc_lab.sim.plants.learned import LearnedPlant
+    from kmpc_lab.sim.plants.plant import LearnedPlant
 
     problem = scenario.problem(base)
     controller = kl.Controller(

@@ -40,7 +40,7 @@ def add_options(study: Study, parser: argparse.ArgumentParser) -> None:
 
 def run(study: Study, options: argparse.Namespace) -> int:
     """Drive what is asked for; status 1 if a drive of ours touched something."""
-    from kmpc_lab.studies.executors import executor
+    from kmpc_lab.studies.study import executor
 
     given = [getattr(options, name.replace("-", "_")) for name in study.needs]
     values = [axis.choose(f"--{name}", getattr(options, name)) for name, axis in study.axes.items()]
@@ -55,7 +55,7 @@ def run(study: Study, options: argparse.Namespace) -> int:
     told = [row.as_record() for row in rows]
     print(json.dumps(told) if options.json else study.render(rows))
     if options.picture is not None:
-        from kmpc_lab.studies.picture import draw_worst
+        from kmpc_lab.studies.table import draw_worst
 
         draw_worst(study, dict(zip(wanted, rows, strict=True)), options.picture)
     return int(any(row.collided and not row.peer for row in rows))

@@ -7,7 +7,7 @@ from typing import Unpack
 
 from firmware_bridge.drivers.arduino import DRIVEN, VERSION, WATCHDOG, ArduinoOptions, line
 from firmware_bridge.kinematics import CarGeometry, Geometry
-from firmware_bridge.link.framing.packets import crc16
+from firmware_bridge.link.framing import crc16
 from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 

@@ -59,7 +59,7 @@ def build_emulator(
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
     kind = load(EMULATORS[robot.link.driver])
     if robot.is_autopilot:
-        from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
+        from kmpc_lab.emulator.rover.estimator import MOTION_CAPTURE
 
         physics: RoverPhysics | None = None
         system = robot.sections.get("board", {}).get("system", 1)
@@ -69,7 +69,7 @@ def build_emulator(
 
             physics = TwinRover(twin)
         elif robot.wheels.kind == "car":
-            from kmpc_lab.emulator.rover.steered import SteeredRover, tuned
+            from kmpc_lab.emulator.rover.physics import SteeredRover, tuned
 
             physics = SteeredRover(robot.wheels.radius, **floor)
             parameters |= tuned(robot.wheels.radius)

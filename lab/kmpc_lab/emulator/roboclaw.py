@@ -20,7 +20,7 @@ from firmware_bridge.drivers.roboclaw import (
     RoboClawOptions,
 )
 from firmware_bridge.kinematics import Geometry
-from firmware_bridge.link.framing.roboclaw import ACK, RoboClawPackets, roboclaw_reply
+from firmware_bridge.link.framing import ACK, RoboClawPackets, roboclaw_reply
 from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 

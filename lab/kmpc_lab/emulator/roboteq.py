@@ -7,7 +7,7 @@ from typing import Unpack
 
 from firmware_bridge.drivers.roboteq import RPM, RoboteqOptions
 from firmware_bridge.kinematics import Geometry
-from firmware_bridge.link.framing.lines import Lines
+from firmware_bridge.link.framing import Lines
 from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 

@@ -23,7 +23,7 @@ from firmware_bridge.drivers.vesc import (
     VescOptions,
 )
 from firmware_bridge.kinematics import Geometry
-from firmware_bridge.link.framing.vesc import VescPackets, vesc_packet
+from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 

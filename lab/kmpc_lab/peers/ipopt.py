@@ -1,4 +1,4 @@
-"""CasADi + IPOPT: the paper's NMPC (nominal model) and K-NMPC (learned model)."""
+"""CasADi + IPOPT: the paper's NMPC (nominal model) and K-NMPC (learned model), and its problem."""
 
 from __future__ import annotations
 
@@ -9,14 +9,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.peers.paper import check_weights, papers_problem, short_way
+from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.world.circles import Circle, circles_to_array
+from kmpc_lite.control.world.shapes import Circle, circles_to_array
 from kmpc_lite.errors import KmpcError, ProblemError
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
+
+AREA: dict[str, Any] = {"x_min": (-2.0, -2.0, -np.inf), "x_max": (2.0, 2.0, np.inf)}
+"""Fields of a problem whose robot stays within 2 m of the origin along both axes."""
+
+
+def papers_problem() -> NavigationProblem:
+    """Build the defaults, which are the paper's, with the paper's area."""
+    return NavigationProblem(**AREA)
+
+
+def check_weights(problem: NavigationProblem) -> NavigationProblem:
+    """Give a problem that peers can solve; raises ProblemError for a weight that they lack."""
+    if problem.change_weight.any():
+        raise ProblemError("R_change: peers weigh no changes of commands; it must not be given")
+    return problem
+
+
+def short_way(goal: Array, pose: Array) -> Array:
+    """Give a goal (3,) whose heading is within half a turn of a pose's (3,): costs count turns."""
+    out = goal.copy()
+    out[2] = float(pose[2]) + wrap(float(goal[2]) - float(pose[2]))
+    return out
 
 
 def symbolic_step(model: KoopmanModel) -> Any:

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.report.elements import image, joined, table
-from kmpc_lab.report.events import MOST, events_of
-from kmpc_lab.report.made_by import made_rows
-from kmpc_lab.report.model_section import fit_section, held_out
+from kmpc_lab.report.model_section import fit_section, held_out, made_rows
+from kmpc_lab.report.moments import MOST, events_of
 from kmpc_lab.report.picture import drive_picture
 from kmpc_lab.report.player import FILES, player_data, script
 from kmpc_lab.report.runs import trace_of
@@ -22,10 +20,13 @@ from kmpc_lab.report.style import render, write_picture
 from kmpc_lab.report.words import (
     STATUS_WORDS,
     clearance_words,
+    image,
+    joined,
     length,
     milliseconds,
     outcome_sentence,
     outcome_title,
+    table,
 )
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.errors import KmpcError

@@ -1,21 +1,23 @@
-"""Drive a controller on a plant, and look at every quarter of a period for a collision."""
+"""Drive a controller on a plant, and look at every quarter of a period for a collision.
+
+Every simulated drive goes through one loop: plan from the pose, move, look, go on.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from firmware_bridge.runtime.reasons import ended_words
 from firmware_bridge.runtime.route import Route
 from kmpc_lab.sim.details import Details
-from kmpc_lab.sim.outcome import Outcome as Outcome
-from kmpc_lab.sim.outcome import why_not
-from kmpc_lab.sim.periods import periods
 from kmpc_lab.sim.plants.plant import Plant, scenario_plant
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -34,6 +36,82 @@ HELD = 1.0
 controller says so."""
 Watch = Callable[[float, Array, Any, Plan], None]
 """Is called with each step: its time [s], the measured pose, the obstacles, and the plan."""
+
+
+class Period(NamedTuple):
+    """What happened in one period."""
+
+    number: int
+    """From 0."""
+    plan: Plan
+    """Whose command was driven."""
+    poses: Array
+    """(S, 3) true poses during the period, without the first; the next one begins at the last."""
+
+
+def periods(
+    step: Callable[[Array, int], Plan],
+    move: Callable[[Array, Array], Array],
+    start: Array,
+    most: int,
+) -> Iterator[Period]:
+    """Drive period by period, until whoever looks on has seen enough.
+
+    `step`: plans from the true pose (3,) in a period, by its number; what is measured of the pose,
+    and seen of the obstacles, is its own affair. `move`: gives the poses (S, 3) to which a command
+    (2,) leads from a pose (3,). `start`: where the robot stands (3,). `most`: periods after which
+    the drive ends.
+
+    Examples
+    --------
+    >>> from kmpc_lite import Controller, nominal_unicycle
+    >>> from kmpc_lab.sim.plants.robots import DifferentialDrive
+    >>> import numpy as np
+    >>> robot, controller = DifferentialDrive(), Controller(nominal_unicycle(0.1))
+    >>> for number, plan, poses in periods(
+    ...     lambda pose, number: controller.step(pose, goal=(1.0, 0.0, 0.0)),
+    ...     lambda pose, command: robot.trace(pose, command, 0.1, 4),
+    ...     np.zeros(3),
+    ...     most=100,
+    ... ):
+    ...     if plan.holding:
+    ...         break
+    >>> bool(np.hypot(*(poses[-1, :2] - (1.0, 0.0))) < 0.02)
+    True
+    """
+    pose = start
+    for number in range(most):
+        plan = step(pose, number)
+        poses = move(pose, plan.command)
+        pose = poses[-1]
+        yield Period(number, plan, poses)
+
+
+class Outcome(Enum):
+    """How a drive ended."""
+
+    REACHED = "reached"
+    COLLISION = "collision"
+    TIMEOUT = "timeout"
+
+
+def why_not(
+    outcome: Outcome, scenario: Scenario, route: Route, plan: Plan, x: Array, duration: float
+) -> dict[str, Any]:
+    """Say in one sentence why a drive that ended at a state (3,) did not arrive; else nothing."""
+    if outcome is Outcome.REACHED:
+        return {}
+    goal = np.array(route.goal)
+    errors = float(distances(x, goal)), abs(wrap(float(x[2]) - goal[2]))
+    if outcome is Outcome.COLLISION:
+        return {"ended": ended_words("touched an obstacle", duration, errors, route.words, ())}
+    reason = plan.reason or "the robot was still driving"
+    if plan.holding:
+        reason = (
+            f"the robot holds, but arrived means within {scenario.tolerance:g} m and "
+            f"{scenario.heading_tolerance:g} rad"
+        )
+    return {"ended": ended_words("time is up", duration, errors, route.words, (reason,))}
 
 
 class Steps(Protocol):

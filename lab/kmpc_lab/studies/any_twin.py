@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from firmware_bridge.messages import speeds_of
-from kmpc_lab.sim.plants.followers import Chassis, Follower, Rollers
+from kmpc_lab.sim.plants.steered import Chassis, Follower, Rollers
 from kmpc_lab.sim.twin.plant import Twin
 from kmpc_lab.sim.twin.vehicles import CAR_LOCK, VEHICLES
 from kmpc_lab.studies.any_wheels import CarRobot, Moves, OmniRobot

@@ -132,7 +132,7 @@ STUDIES = {
             "Cars of any size, speed and turning radius park in bays and along kerbs, leave dead "
             "ends, turn round in lanes and drive in the open: time against the quickest curve of "
             "Reeds and Shepp, changes of gear, and touches by the exact outline.",
-            "parking.drives:drive",
+            "parking:drive",
             {
                 "scenes": Axis(
                     ("open", "bay", "dead end", "lane", "gap 1.2", "gap 1.25", "gap 1.3")
@@ -180,7 +180,7 @@ STUDIES = {
             "sight",
             "Rooms, mazes and forests driven by lidar alone, beside a lattice search with pure "
             "pursuit that sees the same.",
-            "sight.drives:drive",
+            "sight:drive",
             {
                 "drivers": Axis(SIGHTED, "who drives"),
                 "robots": Axis(("standard", "Husky-like"), "by names"),
@@ -197,7 +197,7 @@ STUDIES = {
             "Fields of cylinders in the manner of the BARN challenge, driven by a Jackal-like "
             "robot by lidar alone, beside a dynamic window and pure pursuit: a kinematic replica, "
             "no Gazebo score.",
-            "clutter.drives:drive",
+            "clutter:drive",
             {
                 "worlds": Axis(
                     ("field", "moving"),

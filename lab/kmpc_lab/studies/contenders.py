@@ -11,11 +11,14 @@ from typing import Any, Literal
 
 import qpsolvers
 
+from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.embedded.compiled_controller import CompiledController
 from kmpc_lite.embedded.folder import export
+from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scenario.files import Scenario
@@ -24,6 +27,12 @@ Form = Literal["full", "paper", "exported", "ipopt", "fatrop", "acados"]
 """Ours with everything on; ours in the paper's formulation (the goal as reference, no learned
 margins), one pass a step; ours with margins as `kmpc export` writes it, all in C; CasADi with IPOPT
 or fatrop; acados."""
+DT = 0.1
+"""Sampling period of all studies [s]."""
+EPISODES, STEPS = 1000, 1000
+"""Drives that the paper learns from, and periods of each."""
+TRAINING_SEED = 1_000
+"""Of training data."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +60,7 @@ class Contender:
             found = importlib.util.find_spec("casadi")
             return "" if found else "CasADi is not installed: pip install 'kmpc-lab[peers]'"
         if self.form == "acados":
-            from kmpc_lab.peers.acados_wheel import why_not
+            from kmpc_lab.peers.acados import why_not
 
             return why_not()
         if self.form == "exported" and not (shutil.which("cc") and shutil.which("make")):
@@ -143,3 +152,21 @@ def solver_contenders() -> list[Contender]:
     """Ours in the paper's formulation with each QP solver that is installed; OSQP comes first."""
     names = ["osqp", *sorted(set(qpsolvers.available_solvers) - {"osqp"})]
     return [Contender(name, "paper", solver=name) for name in names]
+
+
+def train(
+    slip: float, method: Method, episodes: int = EPISODES, steps: int = STEPS
+) -> KoopmanModel:
+    """Learn as the paper does, at one slip; quantiles for margins come from drives of their own."""
+    plant = DifferentialDrive(slip, seed=TRAINING_SEED)
+    model = fit(generate_dataset(plant, episodes, steps, DT, seed=TRAINING_SEED + 1), method=method)
+    if method == "edmdc":
+        return model
+    held = generate_dataset(
+        DifferentialDrive(slip, seed=TRAINING_SEED + 2),
+        max(episodes // 5, 10),
+        max(steps // 5, 100),
+        DT,
+        seed=TRAINING_SEED + 3,
+    )
+    return with_quantiles(model, held)

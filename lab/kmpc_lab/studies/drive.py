@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.report.picture import Trace
-from kmpc_lab.sim.periods import periods
+from kmpc_lab.sim.closed_loop import periods
 from kmpc_lite.control import Circle, Controller, Footprint, NavigationProblem, Polygon, Wall
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.scenario.arrival import in_pose

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from kmpc_lab.studies import limits, omni_gaps, pedestrians
-from kmpc_lab.studies.clutter import drives as clutter
+from kmpc_lab.studies import clutter, limits, omni_gaps, parking, pedestrians
 from kmpc_lab.studies.drive import DriveResult
-from kmpc_lab.studies.parking import drives as parking
 from kmpc_lab.studies.table import DRIVES, FEASIBLE, GAP, JERK, LOST, TIME, Column, Rows, table
+
+FAST, SLOW = "3 m/s, 1 m/s^2, 3 rad/s^2", "1 m/s, 0.5 m/s^2, 1.5 rad/s^2"
+SCORE = "all in pose; 0.498 or more; none longer than twice DWA's time"
+FEW = "95 % in pose; at most 5 changes of gear in 90 %"
 
 
 class Hard(NamedTuple):
@@ -22,9 +24,6 @@ class Hard(NamedTuple):
     """What a driver would do."""
 
 
-FAST, SLOW = "3 m/s, 1 m/s^2, 3 rad/s^2", "1 m/s, 0.5 m/s^2, 1.5 rad/s^2"
-SCORE = "all in pose; 0.498 or more; none longer than twice DWA's time"
-FEW = "95 % in pose; at most 5 changes of gear in 90 %"
 ROWS = {
     "3 m/s, given": Hard(limits.drive, (FAST, "given", 0.0), "1.15; lost 1 %; FEASIBLE 10 %"),
     "3 m/s, learned": Hard(limits.drive, (FAST, "learned", 0.0), "1.2; lost 1 %; FEASIBLE 10 %"),

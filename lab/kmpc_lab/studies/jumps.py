@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.sim.maps import random_map
 from kmpc_lab.sim.plants.robots import DifferentialDrive
+from kmpc_lab.studies.contenders import DT
 from kmpc_lab.studies.drive import DriveResult, Task, closed_loop
 from kmpc_lab.studies.table import DRIVES, SECONDS, Column, mean_of
-from kmpc_lab.studies.training import DT
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import GoalProgress, Plan
 from kmpc_lite.model.nominal import nominal_unicycle

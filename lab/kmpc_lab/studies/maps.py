@@ -12,12 +12,19 @@ import numpy as np
 from kmpc_lab.report.runs import trace_of
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lab.sim.closed_loop import drive as drive_scenario
-from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.sim.maps import random_map
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lab.studies.contenders import EVERYTHING, STUDY_CONTENDERS
+from kmpc_lab.studies.contenders import (
+    DT,
+    EPISODES,
+    EVERYTHING,
+    STEPS,
+    STUDY_CONTENDERS,
+    TRAINING_SEED,
+    train,
+)
 from kmpc_lab.studies.drive import DriveResult, counted
 from kmpc_lab.studies.table import AT_LEAST, DRIVES, GAP, SECONDS, STOPPED
-from kmpc_lab.studies.training import DT, EPISODES, STEPS, TRAINING_SEED, train
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.regression import Method
@@ -35,6 +42,9 @@ HISTORY = 2.0
 commands weigh less than the noise."""
 LOG_EPISODES, LOG_STEPS = 100, 400
 """Drives of a log and periods of each, at the most: an hour of driving."""
+CONTROLLERS = {spec.label: spec for spec in STUDY_CONTENDERS}
+COLUMNS = *DRIVES, AT_LEAST, SECONDS, STOPPED, GAP
+"""In pose at least: the lower end of its interval of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +127,6 @@ CONDITIONS = {
     "lag, noisy": NOISY,
     "lag, noisy, old": replace(NOISY, name="lag, noisy poses 0.1 s old", pose_age=0.1),
 }
-CONTROLLERS = {spec.label: spec for spec in STUDY_CONTENDERS}
-COLUMNS = *DRIVES, AT_LEAST, SECONDS, STOPPED, GAP
-"""In pose at least: the lower end of its interval of 95 %."""
 
 
 @cache

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from kmpc_lab.sim.plants.followers import Follower, Rollers
+from kmpc_lab.sim.plants.steered import Follower, Rollers
 from kmpc_lab.studies.any_wheels import OmniRobot
 from kmpc_lab.studies.drive import DriveResult, drive_past
-from kmpc_lab.studies.parking.scenes import box
+from kmpc_lab.studies.parking import box
 from kmpc_lite.control import Controller, Footprint, Polygon
 from kmpc_lite.types import Array
 

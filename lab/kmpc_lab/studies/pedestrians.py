@@ -16,10 +16,10 @@ import numpy as np
 from kmpc_lab.sim.lidar import LidarSpec
 from kmpc_lab.sim.pedestrians import Pedestrians, Walks
 from kmpc_lab.sim.plants.robots import DifferentialDrive
+from kmpc_lab.studies.contenders import DT
 from kmpc_lab.studies.drive import DriveResult, Task, closed_loop
-from kmpc_lab.studies.sight.drives import total
+from kmpc_lab.studies.sight import total
 from kmpc_lab.studies.table import JERK, SECONDS, STOPPED, Column, Rows, count_of
-from kmpc_lab.studies.training import DT
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem

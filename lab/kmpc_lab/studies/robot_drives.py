@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.sim.maps import random_map
 from kmpc_lab.studies.any_robot import (
     KNOWN,
     ODD,

@@ -12,12 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lab.sim.closed_loop import drive as drive_scenario
-from kmpc_lab.studies.contenders import EVERYTHING
+from kmpc_lab.studies.contenders import DT, EVERYTHING
 from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.maps import CONDITIONS, CONTROLLERS, model_of, result_of
 from kmpc_lab.studies.maps import prepare as prepare
 from kmpc_lab.studies.table import Rows
-from kmpc_lab.studies.training import DT
 from kmpc_lite.scenario.files import Scenario
 
 PaperCell = tuple[int, float | None, float | None]

@@ -9,7 +9,7 @@ from waiting import until
 
 from firmware_bridge.drivers.vesc import SET_SERVO_POS
 from firmware_bridge.link import open_transport
-from firmware_bridge.link.framing.vesc import VescPackets
+from firmware_bridge.link.framing import VescPackets
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver

@@ -10,7 +10,7 @@ from waiting import until
 from firmware_bridge.drivers.vesc import ALIVE, FAULTS, VescDriver, VescOptions
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import open_transport
-from firmware_bridge.link.framing.vesc import vesc_packet
+from firmware_bridge.link.framing import vesc_packet
 from firmware_bridge.messages import ConfigError, LinkError
 from kmpc_lab.emulator.vesc import VescEmulator
 

@@ -11,16 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_bridge.drivers.vesc import VALUES
-from firmware_bridge.link.framing.lines import LINE_BYTES, Lines, odrive_line, odrive_text
-from firmware_bridge.link.framing.packets import crc16
-from firmware_bridge.link.framing.roboclaw import (
+from firmware_bridge.link.framing import (
+    LINE_BYTES,
+    Lines,
     RoboClawPackets,
     RoboClawReplies,
+    VescPackets,
+    crc16,
+    odrive_line,
+    odrive_text,
     roboclaw_packet,
     roboclaw_reply,
     roboclaw_request,
+    vesc_packet,
 )
-from firmware_bridge.link.framing.vesc import VescPackets, vesc_packet
 from kmpc_lab.emulator.roboclaw import WRITES
 from kmpc_lab.emulator.vesc import LAYOUT
 

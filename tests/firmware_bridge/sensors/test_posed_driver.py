@@ -79,7 +79,7 @@ def test_a_board_drives_by_the_pose_of_the_source_and_not_by_its_wheels(tmp_path
 
 def test_an_autopilot_is_fed_with_the_pose_and_judged_by_the_source(tmp_path):
     pytest.importorskip("pymavlink")
-    from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
+    from kmpc_lab.emulator.rover.estimator import MOTION_CAPTURE
     from kmpc_lab.emulator.rover.rover import RoverEmulator
 
     port, url = free_port(socket.SOCK_DGRAM), f"pty:{tmp_path}/rover"

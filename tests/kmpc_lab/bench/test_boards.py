@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from kmpc_lab.bench.boards import read_board, this_machine
+from kmpc_lab.bench.steps import read_board, this_machine
 from kmpc_lite.cli import main as cli
 from kmpc_lite.errors import DataError
 

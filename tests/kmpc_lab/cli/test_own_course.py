@@ -8,7 +8,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lab.cli.own_course import OwnCourse, course_for
 from kmpc_lab.sim.closed_loop import Outcome, drive
-from kmpc_lab.sim.plants.learned import LearnedPlant
+from kmpc_lab.sim.plants.plant import LearnedPlant
 from kmpc_lab.studies.any_robot import Robot, record
 from kmpc_lite.learn.learning import Learned, learn
 from kmpc_lite.scenario.files import Scenario

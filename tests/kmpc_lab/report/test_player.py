@@ -17,7 +17,7 @@ from firmware_bridge.recording.drive.encoder import DriveEncoder
 from firmware_bridge.recording.drive.records import Ended, Gate, PoseSeen, Sent, Stepped
 from kmpc_lab import Run, write_report
 from kmpc_lab.recording.drive_file import load_drive
-from kmpc_lab.report.events import APART, events_of
+from kmpc_lab.report.moments import APART, events_of
 from kmpc_lab.report.player import BUDGET, player_data
 from kmpc_lite.scenario.files import Scenario
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kmpc_lab.sim.plants.followers import Follower, OmniPlant, Rollers
+from kmpc_lab.sim.plants.steered import Follower, OmniPlant, Rollers
 from kmpc_lab.studies.any_wheels import STEERING, draw_car, draw_omni
 from kmpc_lite.control.wheels import Car
 

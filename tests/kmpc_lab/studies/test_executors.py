@@ -13,8 +13,7 @@ import pytest
 
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.drive import DriveResult
-from kmpc_lab.studies.executors import executor
-from kmpc_lab.studies.study import Work, drive_one
+from kmpc_lab.studies.study import Work, drive_one, executor
 from kmpc_lite.errors import KmpcError
 
 SCALES = STUDIES["scales"]

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kmpc_lab.studies.parking.cars import random_car
-from kmpc_lab.studies.parking.drives import drive, judge
-from kmpc_lab.studies.parking.scenes import KINDS, Scene, scene_of
+from kmpc_lab.studies.parking import KINDS, Scene, drive, judge, random_car, scene_of
 from kmpc_lite.control import Polygon
 from kmpc_lite.scenario.touch import footprint_gaps
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.sim.maps.families import FAMILIES
+from kmpc_lab.sim.maps import FAMILIES
 from kmpc_lab.studies import robot_drives
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.contenders import STUDY_CONTENDERS
@@ -16,8 +16,7 @@ from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.hard import ROWS as HARD
 from kmpc_lab.studies.limits import ROBOTS as LIMITS
 from kmpc_lab.studies.maps import CONDITIONS
-from kmpc_lab.studies.parking.drives import KINDS_OF_CARS
-from kmpc_lab.studies.parking.scenes import KINDS
+from kmpc_lab.studies.parking import KINDS, KINDS_OF_CARS
 from kmpc_lab.studies.real import RECIPES
 from kmpc_lab.studies.study import Work, check_resume
 from kmpc_lab.studies.table import AT_LEAST, DRIVES, TIME, beside, table

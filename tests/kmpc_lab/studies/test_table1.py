@@ -7,9 +7,9 @@ import pytest
 
 from kmpc_lab.studies import maps
 from kmpc_lab.studies.catalogue import STUDIES
+from kmpc_lab.studies.contenders import train
 from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.table1 import drive, render
-from kmpc_lab.studies.training import train
 from kmpc_lite.scenario.files import Scenario
 
 SLIPS = STUDIES["table1"].axes["slips"].values

@@ -14,7 +14,7 @@ from wary import covariances
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab import drive
-from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.sim.maps import random_map
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.control.estimate.innovation import InnovationState

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kmpc_lab.peers.paper import AREA
+from kmpc_lab.peers.ipopt import AREA
 from kmpc_lite import NavigationProblem, ProblemError
 
 NAN, INF = float("nan"), float("inf")

@@ -8,7 +8,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.sim.maps import random_map
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.sim.plants.followers import CarPlant, Chassis, Follower
+from kmpc_lab.sim.plants.steered import CarPlant, Chassis, Follower
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.learn.learning import learn
 from kmpc_lite.learn.ramps import find_ramps

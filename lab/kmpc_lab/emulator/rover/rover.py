@@ -17,8 +17,7 @@ from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.link import Transport
 from firmware_bridge.link.server import serve
 from kmpc_lab.emulator.rover.autopilot import Autopilot
-from kmpc_lab.emulator.rover.estimator import Estimator
-from kmpc_lab.emulator.rover.parameters import Parameters
+from kmpc_lab.emulator.rover.estimator import Estimator, Parameters
 from kmpc_lab.emulator.rover.physics import RoverPhysics
 from kmpc_lab.emulator.rover.protocol import Protocol
 from kmpc_lab.emulator.rover.telemetry import Telemetry

@@ -1,6 +1,5 @@
 """A Husarion ROSbot 2 in MuJoCo, whose four driven wheels slide to turn (extra ``twin``)."""
 
-from kmpc_lab.sim.twin.floors import FLOORS, Floor, Ground, Patch
-from kmpc_lab.sim.twin.plant import Twin, TwinMissing
+from kmpc_lab.sim.twin.plant import FLOORS, Floor, Ground, Patch, Twin, TwinMissing
 
 __all__ = ["FLOORS", "Floor", "Ground", "Patch", "Twin", "TwinMissing"]

@@ -15,9 +15,11 @@ built on. Rollers and gears are ours.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from firmware_bridge.kinematics import CarGeometry, Geometry, OmniGeometry, WheelGeometry
+from kmpc_lite.control.world.shapes import Circle
 
 FREE = 100.0
 """Commands are not limited here, but by the motors [m/s]."""
@@ -29,6 +31,84 @@ ROLLERS = 10
 """Of a mecanum wheel."""
 ROLLER = 0.0085
 """Radius of a roller in its middle [m]."""
+_ROSBOT = """
+      <inertial pos="0 0 0.02" mass="1.728" diaginertia="0.004162 0.00651 0.008828"/>
+      <geom name="body" class="body" size="0.0985 0.075 0.04" pos="0 0 0.02"/>
+      <geom name="cover" class="mark" type="box" size="0.097 0.074 0.003" pos="0 0 0.062" mass="0"
+            rgba="0.85 0.2 0.15 1"/>
+      <body name="lidar" pos="0.02 0 0.085">
+        <geom class="mark" type="cylinder" size="0.035 0.02" mass="0.19" rgba="0.05 0.05 0.05 1"/>
+      </body>
+      <body name="camera" pos="-0.03 0 0.18">
+        <geom class="mark" type="box" size="0.02 0.08 0.02" mass="0.30" rgba="0.3 0.3 0.33 1"/>
+        <geom class="mark" type="box" size="0.008 0.008 0.05" pos="-0.01 0 -0.06" mass="0"
+              rgba="0.3 0.3 0.33 1"/>
+      </body>"""
+_TYRE = """
+        <geom name="{name}" class="wheel" type="ellipsoid" size="{r} {width} {r}"/>
+        <geom type="cylinder" size="{hub} {rim}" euler="90 0 0" contype="0" conaffinity="0"
+              group="1" rgba="0.55 0.55 0.58 1" mass="0"/>"""
+_JOINT = """
+        <joint name="{name}" type="hinge" axis="0 1 0" damping="0.001" frictionloss="0.002"
+               armature="{rotor}"/>"""
+CORNERS = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
+"""Names of the wheels; whether they are in front and on the left."""
+EACH = tuple(tuple(float(i == k) for i in range(4)) for k in range(4))
+"""Each motor turns an axle."""
+TIMESTEP = 0.0025
+"""Time step of the physics [s]: the longest for which halving it changes where the robot comes to
+by less than 1.5 % of its way."""
+HEIGHT = 0.30
+"""Height of the obstacles [m]."""
+ROBOT_HITS, OBSTACLE = 1, 2
+"""Bits of collision filtering: the robot meets obstacles; wheels meet the floor through pairs of
+their own."""
+_ROOM = """<mujoco model="{name}">
+  <compiler angle="degree" inertiafromgeom="auto"/>
+  <!-- implicitfast and an elliptic cone: sliding wheels neither chatter nor creep -->
+  <option timestep="{timestep}" integrator="implicitfast" cone="elliptic" impratio="50"
+          iterations="20" tolerance="1e-8"/>
+  <visual>
+    <global offwidth="960" offheight="720"/>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.35 0.35 0.35" specular="0 0 0"/>
+  </visual>
+  <asset>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.80 0.80 0.78" rgb2="0.70 0.71 0.70"
+             width="128" height="128"/>
+    <material name="tiles" texture="tiles" texrepeat="8 8"/>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.75 0.82 0.9"
+             width="64" height="64"/>
+  </asset>
+  <default>
+    <!-- a tyre that is round across too touches in one point: one contact a wheel,
+         as rubber under load carries in its middle -->
+    <default class="wheel"><geom contype="{robot}" conaffinity="{obstacle}" rgba="0.1 0.1 0.1 1"
+             mass="0"/></default>
+    <default class="body"><geom type="box" contype="{robot}" conaffinity="{obstacle}" mass="0"
+             rgba="0.12 0.12 0.13 1"/></default>
+    <default class="obstacle">
+      <geom type="cylinder" contype="{obstacle}" conaffinity="{robot}" rgba="0.2 0.22 0.25 1"
+            friction="0.4 0.005 0.0001"/>
+    </default>
+    <default class="mark"><geom contype="0" conaffinity="0" group="1"/></default>
+  </default>
+  <worldbody>
+    <light pos="0 0 5" dir="0.3 0.4 -1" directional="true" diffuse="0.3 0.3 0.3" specular="0 0 0"
+           castshadow="false"/>
+    <geom name="floor" type="plane" size="{half} {half} 0.1" material="tiles" contype="0"
+          conaffinity="0"/>
+    <camera name="above" pos="{cx} {cy} {above}" fovy="45"/>
+    <camera name="aside" pos="{cx} {aside} {up}" xyaxes="1 0 0 0 0.65 0.76"
+            fovy="45"/>{marks}{obstacles}
+    <body name="robot" pos="0 0 {r}">
+      <freejoint name="robot"/>{body}
+    </body>
+  </worldbody>
+  <contact>{pairs}
+  </contact>
+{drives}
+</mujoco>
+"""
 
 
 @dataclass(frozen=True)
@@ -68,32 +148,6 @@ class Vehicle:
     def car(self) -> CarGeometry | None:
         """Its geometry, if it is a car."""
         return self.geometry if isinstance(self.geometry, CarGeometry) else None
-
-
-_ROSBOT = """
-      <inertial pos="0 0 0.02" mass="1.728" diaginertia="0.004162 0.00651 0.008828"/>
-      <geom name="body" class="body" size="0.0985 0.075 0.04" pos="0 0 0.02"/>
-      <geom name="cover" class="mark" type="box" size="0.097 0.074 0.003" pos="0 0 0.062" mass="0"
-            rgba="0.85 0.2 0.15 1"/>
-      <body name="lidar" pos="0.02 0 0.085">
-        <geom class="mark" type="cylinder" size="0.035 0.02" mass="0.19" rgba="0.05 0.05 0.05 1"/>
-      </body>
-      <body name="camera" pos="-0.03 0 0.18">
-        <geom class="mark" type="box" size="0.02 0.08 0.02" mass="0.30" rgba="0.3 0.3 0.33 1"/>
-        <geom class="mark" type="box" size="0.008 0.008 0.05" pos="-0.01 0 -0.06" mass="0"
-              rgba="0.3 0.3 0.33 1"/>
-      </body>"""
-_TYRE = """
-        <geom name="{name}" class="wheel" type="ellipsoid" size="{r} {width} {r}"/>
-        <geom type="cylinder" size="{hub} {rim}" euler="90 0 0" contype="0" conaffinity="0"
-              group="1" rgba="0.55 0.55 0.58 1" mass="0"/>"""
-_JOINT = """
-        <joint name="{name}" type="hinge" axis="0 1 0" damping="0.001" frictionloss="0.002"
-               armature="{rotor}"/>"""
-CORNERS = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
-"""Names of the wheels; whether they are in front and on the left."""
-EACH = tuple(tuple(float(i == k) for i in range(4)) for k in range(4))
-"""Each motor turns an axle."""
 
 
 def _motors(names: tuple[str, ...], gain: float, torque: float) -> str:
@@ -268,3 +322,57 @@ def front_wheels(car: CarGeometry, angle: float) -> tuple[float, float]:
 
 VEHICLES = {"differential": _skid_steer(), "car": _car(), "omni": _mecanum()}
 """By kind of wheels."""
+
+
+def write_mjcf(
+    vehicle: Vehicle,
+    circles: Sequence[Circle],
+    bounds: tuple[float, float, float, float],
+    goal: tuple[float, float] | None = None,
+    patches: Sequence[tuple[float, float, float]] = (),
+) -> str:
+    """Give the model of a robot in a room.
+
+    `vehicle`: the robot. `circles`: obstacles, as cylinders; they stand still. `bounds`: xmin,
+    ymin, xmax, ymax of what the cameras see [m]. `goal`: where to draw a disk [m]. `patches`: x, y,
+    radius of pieces of another floor, to be drawn [m].
+    """
+    x_min, y_min, x_max, y_max = bounds
+    size = max(x_max - x_min, y_max - y_min) + 0.6
+    cx, cy = (x_min + x_max) / 2.0, (y_min + y_max) / 2.0
+    marks = [
+        f'\n    <geom class="mark" type="cylinder" pos="{x} {y} 0.0005" size="{r} 0.0005" '
+        'rgba="0.45 0.65 0.9 0.6"/>'
+        for x, y, r in patches
+    ]
+    if goal is not None:
+        marks.append(
+            f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" '
+            'size="0.08 0.001" rgba="0.85 0.1 0.1 1"/>'
+        )
+    return _ROOM.format(
+        name=vehicle.name,
+        timestep=TIMESTEP,
+        robot=ROBOT_HITS,
+        obstacle=OBSTACLE,
+        r=vehicle.radius,
+        half=max(10.0, size),
+        cx=cx,
+        cy=cy,
+        above=1.2 * size,
+        aside=cy - 0.70 * size,
+        up=0.60 * size,
+        marks="".join(marks),
+        obstacles="".join(
+            f'\n    <geom class="obstacle" name="obstacle{i}" pos="{c.x} {c.y} {HEIGHT / 2}" '
+            f'size="{max(c.radius, 1e-3)} {HEIGHT / 2}"/>'
+            for i, c in enumerate(circles)
+        ),
+        body=vehicle.body,
+        pairs="".join(
+            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" '
+            'friction="0.7 0.7 0.007 0 0"/>'
+            for name in vehicle.tyres
+        ),
+        drives=vehicle.drives,
+    )

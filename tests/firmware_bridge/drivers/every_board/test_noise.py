@@ -9,8 +9,7 @@ from loopback import Faults, named_wire
 
 from firmware_bridge.drivers.arduino import line
 from firmware_bridge.link import open_transport
-from firmware_bridge.link.framing.roboclaw import roboclaw_packet
-from firmware_bridge.link.framing.vesc import vesc_packet
+from firmware_bridge.link.framing import roboclaw_packet, vesc_packet
 
 
 def test_wire_shows_only_speeds_within_the_limit_under_faults(name):

@@ -6,7 +6,7 @@ import pytest
 from mavlink_rig import Rig, error
 
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
+from kmpc_lab.emulator.rover.estimator import MOTION_CAPTURE
 
 
 class TestMotionCapture:

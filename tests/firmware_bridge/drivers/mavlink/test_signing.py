@@ -6,10 +6,9 @@ from pathlib import Path
 import pytest
 from mavlink_rig import Rig, dialect
 
-from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, signing_time
+from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, SigningStamp, signing_time
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.signing import SigningStamp
 from firmware_bridge.messages import ConfigError
 from kmpc_lab.emulator.rover.autopilot import HOLD
 

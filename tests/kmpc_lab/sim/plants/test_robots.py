@@ -9,7 +9,7 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab import LearnedPlant
 from kmpc_lab.sim.plants.lag import LaggingDrive
-from kmpc_lite.control.path.turning_centre import seen_from
+from kmpc_lite.control.path.capabilities import seen_from
 
 U = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 X = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-4.0, 4.0))

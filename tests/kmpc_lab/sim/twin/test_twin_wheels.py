@@ -12,7 +12,7 @@ from kmpc_lab.sim.twin import Twin
 from kmpc_lab.sim.twin.vehicles import VEHICLES, front_wheels
 from kmpc_lab.studies.robot_drives import drive_random
 from kmpc_lite import Circle
-from kmpc_lite.control.kernels.twists import seen_from
+from kmpc_lite.control.path.motions import seen_from
 from kmpc_lite.scenario.files import Scenario
 
 

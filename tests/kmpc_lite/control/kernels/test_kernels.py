@@ -18,11 +18,10 @@ import kmpc_lite as kl
 from kmpc_lite.control import kernels as package
 from kmpc_lite.control.insight import insight
 from kmpc_lite.control.kernels import library, scan_library
-from kmpc_lite.control.kernels.fill import Around, Iterate, Noise, PlanMargins
 from kmpc_lite.control.kernels.predictor import Predictor, motion_in_units
-from kmpc_lite.control.kernels.safe_motion import Brakes
-from kmpc_lite.control.nmpc.fill_qp import keep_out
+from kmpc_lite.control.kernels.records import Around, Brakes, Iterate, Noise, PlanMargins
 from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.nmpc.sqp import keep_out
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.tracks import Follower, Tracks
 from kmpc_lite.model.dictionary import ResponseDictionary

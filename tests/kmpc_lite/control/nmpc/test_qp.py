@@ -11,9 +11,9 @@ from scipy import sparse
 
 from kmpc_lite import NavigationProblem
 from kmpc_lite.control.kernels import library
-from kmpc_lite.control.kernels.fill import Around, Iterate
-from kmpc_lite.control.nmpc.fill_qp import keep_out
+from kmpc_lite.control.kernels.records import Around, Iterate
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, SLACK_SCALE, NavigationQP
+from kmpc_lite.control.nmpc.sqp import keep_out
 from kmpc_lite.model.linearization import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])

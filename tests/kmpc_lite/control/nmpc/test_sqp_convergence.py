@@ -8,7 +8,7 @@ import pytest
 from kkt import Certificate, certify, goal_reference
 
 import kmpc_lite as kl
-from kmpc_lab.peers.paper import AREA
+from kmpc_lab.peers.ipopt import AREA
 
 GOAL = (1.5, 1.5, 0.0)
 MAP = (

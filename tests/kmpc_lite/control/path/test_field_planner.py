@@ -8,7 +8,7 @@ from path_requests import found, request
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.capabilities import follows_poses
-from kmpc_lite.control.path.field.field_planner import NO_ROOM, NO_WAY, FieldPlanner
+from kmpc_lite.control.path.field_planner import NO_ROOM, NO_WAY, FieldPlanner
 from kmpc_lite.control.path.planner import Path, Route
 from kmpc_lite.control.wheels import Car, Differential, Omni
 from kmpc_lite.control.world.solids import Solids

@@ -7,8 +7,8 @@ import pickle
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lab.peers.paper import AREA
-from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.peers.ipopt import AREA
+from kmpc_lab.sim.maps import random_map
 from kmpc_lab.sim.plants.robots import DifferentialDrive
 from kmpc_lab.studies.drive import drive_past
 from kmpc_lite.types import Array

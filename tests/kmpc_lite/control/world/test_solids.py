@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.world.boxes import BEHIND, GRID_COLUMNS, Boxes
+from kmpc_lite.control.world.occupancy import BEHIND, GRID_COLUMNS, Boxes
 from kmpc_lite.control.world.outlines import MANY
 from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.solids import Solids

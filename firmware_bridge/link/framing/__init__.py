@@ -1,1 +1,0 @@
-"""Bytes <-> frames of the serial motor controllers: pure functions, and bounded decoders."""

@@ -1,0 +1,301 @@
+"""Paths of any wheels and outlines: a tree of poses grows from the goal until the start is reached.
+
+From its goal back, a robot's own motions lead to ever more poses; of those in one cell of place and
+heading the cheapest is kept, so that the tree becomes the field of the cost to go. Those that seem
+nearest to the start, around what is in the way, grow first. From the start, ways that the wheels
+know (curves of Reeds and Shepp for a car) lead to poses of the tree; the cheapest one that is clear
+is the path, which so begins and ends exactly where it must. The cost is time, longer near
+obstacles, and a price for each change of gear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapFields
+from kmpc_lite.control.path.distance_grid import Ways as Way
+from kmpc_lite.control.path.motions import Motions, motions_of, moved, sampled
+from kmpc_lite.control.path.planner import Path, PathRequest
+from kmpc_lite.control.path.pose_tree import MOST_HALVINGS, PoseTree
+from kmpc_lite.control.path.ways import TINY, Line, OutlineClearance, Piece, Ways
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.wheels import Car, Omni, Wheels
+from kmpc_lite.types import Array
+
+BATCH = 48
+"""Poses from which the tree grows at once."""
+PART_QUANTA = 10
+"""Work of a batch, in quanta of 0.2 ms."""
+WEIGHT = 2.0
+"""How many times the time to go counts in the order in which the tree grows: most of what lies
+about the straight way is left out."""
+GOOD = 1.05
+"""A way from start to goal that costs less than so many times its time is the path."""
+GEAR_PRICE = 4.0
+"""What a change of gear costs: the time in which the robot drives so many radii."""
+LONGEST_STEP = 4.0
+"""In the open the tree grows by so many usual steps at once ..."""
+ROOMY = 0.4
+"""... and by less where there is less clearance than this [radii], in finer cells: by its share of
+that, ..."""
+ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 4, 400))
+"""Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
+one after the other, until there is a path."""
+HALVES = np.array((0.5, 1.0))
+MOST_CELLS = 96
+"""Most cells along either axis of a square: larger areas get larger cells."""
+BORDER = 12.0
+"""How far a search reaches around start, goal and obstacles, in turning or robot radii."""
+BEND = 0.08
+"""Largest turn between two poses of a path [rad]."""
+KNOTS = 16
+"""Poses of a path between which better ways are looked for."""
+EXTRA = 4
+"""Batches after the first path, and half of those before it, in which a better one is looked for.
+"""
+NO_ROOM = "there is no room to turn: the goal's place can be reached, but not its heading"
+NO_WAY = "no passage to the goal is wide enough"
+GAVE_UP = "the search for a path gave up: the goal's place can be reached, perhaps not its heading"
+
+
+class FieldPlanner:
+    """Looks for paths by what the wheels let the robot do, part by part.
+
+    `problem`: radius, margin, and how fast it turns to either side or an omni drives sideways.
+    `wheels`: in the problem's units.
+    """
+
+    def __init__(self, problem: NavigationProblem, wheels: Wheels) -> None:
+        self._wheels, self._radius = wheels, problem.body_radius
+        self._problem, self._margin = problem, problem.margin
+        self._found: Path | str | None = None
+        self._maps = MapFields()
+
+    def begin(self, request: PathRequest) -> None:
+        """Begin a search."""
+        self._request, self._found = request, None
+        self._motions: Motions = motions_of(self._problem, self._wheels, request, False)
+        self._clearance = OutlineClearance(request, self._margin)
+        speed = float(request.forward[0])
+        self._gear_price = max(GEAR_PRICE * self._radius / speed, request.gear_time)
+        tightest = float(np.abs(self._motions.twists[:, 2]).max())
+        # a step turns by an angle at the least, and leaves its cell
+        self._step = max(self._motions.turn / tightest, self._radius / speed)
+        self._speed, self._cell = speed, 0.9 * self._step * speed
+        self._survey = self._look_around()
+        self._quanta = next(self._survey)
+        """Of the survey's part that comes next; none is left at 0."""
+        self._connects = False
+        """Whether the goal's place can be reached by what is as wide as the outline's core."""
+        self._best: tuple[Piece, int] | None = None
+        self._is_exhausted = False
+        self._line: Line | None = None
+        self._begin_tree(0)
+
+    def _begin_tree(self, attempt: int) -> None:
+        """Begin a tree; later ones take finer steps where there is little clearance."""
+        request = self._request
+        self._attempt, (kept, _, most) = attempt, ATTEMPTS[attempt]
+        # where there is no room for wide curves there is time for tight ones
+        self._motions = motions_of(self._problem, self._wheels, request, attempt > 0)
+        now = request.gear, request.curvature
+        self._ways = Ways(self._motions, self._clearance, self._radius, self._gear_price, now)
+        self._clearance.keep(kept * self._radius)
+        # steps of the first tree are as long as finds most ways soon, later ones hardly longer than
+        # the clearance
+        shortest = 0.5 * self._step * self._speed if attempt else 0.0
+        self._roomy = max(ROOMY * self._radius, shortest)
+        self._tree = PoseTree(self._request.goal, self._cell, self._motions.turn)
+        self._price, self._batches, self._last = math.inf, 0, most
+
+    def path(self) -> Path | str | None:
+        """What was found."""
+        return self._found
+
+    def advance(self, quanta: int) -> int:
+        """Search on."""
+        done = 0
+        while done < quanta and self._found is None:
+            if self._quanta:
+                done += self._quanta
+                self._quanta = next(self._survey, 0)
+                continue
+            done += PART_QUANTA
+            if self._line is not None:
+                self._improve(self._line)
+            elif not self._batches:
+                self._look_straight()
+            else:
+                self._grow()
+        return done
+
+    def _look_around(self) -> Iterator[int]:
+        """Find in parts how far it is from the start, for what is as wide as the outline's core."""
+        request, radius = self._request, self._radius
+        arms = float(np.hypot(request.outline[:, 0], request.outline[:, 1]).max())
+        border, apart = BORDER * (radius + arms), math.dist(request.start[:2], request.goal[:2])
+        extent = Extent(0.7 * radius, MOST_CELLS**2, 4.0 * border + apart, border)
+        grid = DistanceGrid(request, extent, self._maps.of(request.solids, extent.step))
+        yield from grid.see(width=8, least=2)
+        yield 2 * PART_QUANTA
+        # a cell is free if a point in it may be
+        free = grid.distance >= radius - 0.7 * grid.step
+        ways = Way(free, np.ones(free.shape), grid.step, grid.node(request.start))
+        self._grid, self._from_start = grid, ways.cost
+        self._connects = bool(np.isfinite(ways.cost[grid.node(request.goal)]))
+
+    def _time_to(self, poses: Array) -> tuple[Array, Array]:
+        """Least time (...) from the start to poses (..., 3) [s], and whether there is any (...)."""
+        grid, speed = self._grid, max(self._request.forward[0], self._request.backward[0])
+        place = (poses[..., :2] - grid.low) / grid.step
+        inside = ((place >= -1.0) & (place <= grid.shape)).all(axis=-1)
+        cells = np.rint(place).astype(np.intp)
+        row, column = np.moveaxis(np.clip(cells, 0, np.array(grid.shape) - 1), -1, 0)
+        found = self._from_start[row * grid.shape[1] + column]
+        return np.maximum(found - grid.step, 0.0) / speed, inside & np.isfinite(found)
+
+    def _look_straight(self) -> None:
+        """Look for a way from start to goal; one that costs hardly more than its time is best."""
+        self._batches = 1
+        self._look(np.zeros(1, dtype=np.intp))
+        if self._best is not None and self._price <= GOOD * float(self._best[0].times.sum()):
+            self._found = self._path_of(self._best[0])
+
+    def _grow(self) -> None:
+        """Let the tree grow by a batch, and look for ways from the start to it."""
+        tree = self._tree
+        nodes, least = tree.cheapest(BATCH)
+        ended = not len(nodes) or tree.is_full or self._batches >= self._last
+        if ended or least >= WEIGHT * self._price:
+            last = self._attempt + 1 == len(ATTEMPTS)
+            # from no pose of a tree of fine steps it goes on
+            self._is_exhausted |= not len(nodes) and self._attempt > 0
+            if self._best is None and self._connects and not last:
+                self._begin_tree(self._attempt + 1)
+            else:
+                self._begin_improving()
+            return
+        self._batches += 1
+        poses, costs, gears = tree.poses[nodes], tree.costs[nodes], tree.gears[nodes]
+        moves, gear = self._motions.twists, self._motions.gears
+        steps = self._step * self._steps_at(self._clearance.room(poses))
+        times = np.repeat(steps[:, None], len(moves), axis=1)
+        # back in time: from where these motions lead to the nodes
+        before = moved(poses[:, None, None], moves[:, None], -HALVES * times[..., None])
+        kept = self._clearance.at(before.reshape(-1, 3)).reshape(before.shape[:3])
+        changes = gears[:, None] * gear < 0
+        costs = costs[:, None] + times * self._clearance.price(kept).mean(axis=2)
+        costs = costs + self._gear_price * changes
+        to_go, within = self._time_to(before[:, :, 1])
+        good = (kept.min(axis=2) >= 0.0) & within & (costs + to_go < self._price)
+        row, column = np.nonzero(good)
+        if len(row):
+            tree.add(
+                nodes[row],
+                before[row, column, 1],
+                moves[column],
+                times[row, column],
+                costs[good],
+                np.where(gear[column] != 0, gear[column], gears[row]).astype(np.int8),
+                costs[good] + WEIGHT * to_go[good],
+                self._halvings_at(kept[row, column, 1]),
+            )
+        first = self._best is None
+        self._look(nodes)
+        if first and self._best is not None:
+            self._last = self._batches + EXTRA + self._batches // 2
+
+    def _steps_at(self, room: Array) -> Array:
+        """Lengths (n,) of steps from poses of a clearance (n,), in usual ones."""
+        room = np.maximum(room, 0.0)
+        share = np.minimum(room / self._roomy, 1.0)
+        finer = np.maximum(share ** ATTEMPTS[self._attempt][1], 2.0**-MOST_HALVINGS)
+        # what is surely clear
+        longer = np.clip(room / (self._step * self._speed), 1.0, LONGEST_STEP)
+        out: Array = finer * longer
+        return out
+
+    def _halvings_at(self, room: Array) -> Array:
+        """How often cells are halved (n,), so that a step leaves them."""
+        steps = np.minimum(self._steps_at(room), 1.0)
+        out: Array = np.ceil(-np.log2(steps)).astype(int)
+        return out
+
+    def _look(self, nodes: Array) -> None:
+        """Look at the cheapest ways from the start to nodes of the tree (n,)."""
+        tree, start = self._tree, self._request.start
+        poses, costs, gears = tree.poses[nodes], tree.costs[nodes], tree.gears[nodes]
+        found = self._ways.cheapest(start, poses, costs, gears, self._price)
+        if found is not None:
+            self._price, way, row = found
+            self._best = way, int(nodes[row])
+
+    def _begin_improving(self) -> None:
+        """Take the best path so far; the next parts look for better ways between its poses."""
+        if self._best is None:
+            self._found = self._reason()
+            return
+        way, node = self._best
+        tree = self._tree
+        ends = tree.line_of(node)
+        chosen = np.unique(np.linspace(0, len(ends), min(len(ends) + 1, KNOTS)).round().astype(int))
+        nodes = np.append(ends, 0)[chosen]
+        parts = np.split(ends, chosen)[1:-1]
+        ways = [way, *(Piece(tree.twists[part], tree.times[part]) for part in parts)]
+        poses = np.concatenate([self._request.start[None], tree.poses[nodes]])
+        costs = np.concatenate([[self._price], tree.costs[nodes]])
+        gears = np.concatenate([[0], tree.gears[nodes]])
+        self._line, self._knot = Line(poses, costs, gears, ways), len(ways) - 1
+
+    def _reason(self) -> str:
+        """Why there is no path."""
+        if not self._connects:
+            return NO_WAY
+        if not self._is_exhausted:
+            return GAVE_UP
+        return NO_ROOM if isinstance(self._wheels, Car) else NO_WAY
+
+    def _improve(self, line: Line) -> None:
+        """Look for better ways from one pose of the path; the first one's is the path at last."""
+        self._ways.improve(line, self._knot)
+        if not self._knot:
+            self._found = self._path_of(line.ways[0])
+        self._knot -= 1
+
+    def _path_of(self, motions: Piece) -> Path:
+        """Poses and times of motions from the start to the goal."""
+        request = self._request
+        if not (motions.times > TINY).any():
+            return Path(np.stack([request.start, request.start]))
+        used = motions.times > TINY
+        twists, times = motions.twists[used], motions.times[used]
+        lengths = np.hypot(twists[:, 0], twists[:, 1]) * times / (2.0 * self._radius)
+        counts = np.ceil(np.maximum(lengths, np.abs(twists[:, 2]) * times / BEND) - TINY)
+        counts = np.maximum(counts, 1).astype(np.intp)
+        poses, when = sampled(request.start, twists, times, counts)
+        paced = np.concatenate([[0.0], np.cumsum(self._motions.paced(twists, times))])
+        when = np.interp(when, np.concatenate([[0.0], np.cumsum(times)]), paced)
+        turns = round(float(poses[-1, 2] - request.goal[2]) / math.tau)  # rounding alone
+        poses[-1] = request.goal + (0.0, 0.0, turns * math.tau)
+        kept = self._clearance.on_way(poses)
+        driven = request.driven
+        switched = driven is None or _strays(poses[:, :2], driven.points, 2.0 * self._radius)
+        return Path(
+            poses, when, max(float(kept.min()), 0.0), switched, isinstance(self._wheels, Omni)
+        )
+
+
+def _strays(points: Array, line: Array, limit: float) -> bool:
+    """Whether one of points (n, 2) is farther from a line (k, 2), maybe long, than a limit [m]."""
+    steps, grid = np.linspace(0.0, len(line) - 1.0, 20 * len(line)), np.arange(len(line))
+    line = np.stack([np.interp(steps, grid, line[:, i]) for i in (0, 1)], axis=1)
+    for some in np.split(points, range(64, len(points), 64)):
+        low, high = some.min(axis=0) - limit, some.max(axis=0) + limit
+        near = line[((line >= low) & (line <= high)).all(axis=1)]
+        away = np.hypot(*(some[:, None] - near).transpose(2, 0, 1))
+        if (away.min(axis=1, initial=np.inf) > limit).any():
+            return True
+    return False

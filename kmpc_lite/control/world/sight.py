@@ -1,0 +1,256 @@
+"""How a step looks around: what scans show goes into the map, if they still show anything.
+
+A scanner that has died tells nothing, one that hangs the same. A range is noisy: a robot that has
+moved never sees the same scan again, to the last bit. What comes again then is what was seen
+before, from where the robot is not any more; it is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kmpc_lite.control.kernels import scan_library
+from kmpc_lite.control.kernels.clearance import COLUMNS, distances
+from kmpc_lite.control.options import SightOptions, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.local_map import IN_VAIN, UNKNOWN, LocalMap, cell_distances
+from kmpc_lite.control.world.rays import Rays, numbers_of, outlook_of
+from kmpc_lite.control.world.scan import LaserScan, Layout
+from kmpc_lite.geometry import wrap
+from kmpc_lite.option_fields import lengths_from_radii
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
+
+NONE_MOVING = np.empty((0, COLUMNS))
+CELL_NOISE = 2.0
+"""Least side of a cell, as a multiple of the standard deviation of the ranges."""
+MAP_REACH = 2.0
+"""Distance to the map's edge from its middle, as a multiple of the scanner's reach, where the map
+does not hold the whole area."""
+FREE_DISTANCE = 20.0
+"""How far from the scanner cells are noted as seen to be free [radii]; beyond, only what stood
+there before and is gone."""
+STARE_DISTANCE = 6.0
+"""How far from the scanner such cells are noted [radii]: what is farther is looked at again."""
+TRAIL = 64
+"""How many poses of the past are kept, to tell where old beams were sent from."""
+SAME_PLACE = 0.5
+"""How far the robot may have come, or its edge may have turned, since a scan that is told again
+[radii]; what is told again from farther away is what the scanner saw before."""
+NOISY = 8
+"""Fewest hits that never come again by chance: a few may, along a wall and told in centimetres."""
+PERIODS = 2.5
+"""Fewest periods that scans may stay away: one may be late."""
+SCANNERS = 16
+"""Most scanners that are remembered: one whose beams lie otherwise each time is new each time."""
+Scanner = tuple[tuple[float, float, float], Layout]
+"""Where it is mounted, and how its beams lie: it may tell each half of its turn by itself."""
+
+
+class Sight:
+    """Keeps a local map up to date; what it remembers is the map alone.
+
+    `problem`: radius, area and period, in the robot's units. `scale`: the robot's units. `options`:
+    how long what is believed. `reach`: how far from the robot what was seen matters to a plan.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
+    ) -> None:
+        unit = unit_length(problem)
+        self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit
+        self._stare = STARE_DISTANCE * unit
+        self.reach, self.period = reach, problem.dt
+        self._blind = options.blind_time / scale.time
+        self.radius, self.footprint = problem.body_radius, problem.footprint
+        # hits nearer than the first are the robot's own; within the second of its circles' middles
+        # there is nothing but the robot
+        self._inside = self._core = problem.robot_radius
+        if problem.footprint is not None:
+            self._inside = problem.footprint.inner_radius
+            self._core = problem.footprint.core_radius
+        self._area = problem.x_min[:2], problem.x_max[:2]
+        self.emerging = options.emerging_speed / scale.speed
+
+    def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
+        """Scans in which hits within the robot are not told: its mast, its arm."""
+        return tuple(s.with_self_radius(self._inside) for s in scans)
+
+    def look(
+        self,
+        before: LocalMap | None,
+        scans: Sequence[LaserScan],
+        pose: Array,
+        pose_noise: float,
+        moving: Array = NONE_MOVING,
+    ) -> LocalMap | None:
+        """Bring the map up to date.
+
+        `before`: changed. `scans`: taken at the pose. None at all is a step without a scan. `pose`:
+        (3,) as measured. `pose_noise`: standard deviation of its position. `moving`: (M, 7) things
+        that move: what is hit of them is no part of the map.
+        """
+        begins = before is None
+        if before is None:
+            if not scans:
+                return None
+            before = self._begin(scans, pose)
+        here, options = before, self.options
+        here.clock += self.period
+        here.follow(pose[:2], self.reach)
+        here.remember_pose(pose, TRAIL)
+        here.forget(options.memory, self._blind)
+        scans = self.without_robot(scans)
+        for look in filter(None, map(outlook_of, scans)):
+            here.look_out(look)
+        rays = [Rays(s, self._pose_of(here, s, pose), here.cell) for s in scans]
+        for ray in rays:
+            self._clear(here, ray)
+            self._look_in_vain(here, ray)
+        if rays:
+            hits = np.concatenate([ray.hits for ray in rays])
+            deviations = np.concatenate([ray.deviations for ray in rays])
+            errors = options.certainty * np.hypot(deviations, pose_noise)
+            if len(moving):
+                gaps = distances(moving, hits, np.zeros(len(hits)))
+                stands = (gaps > here.cell).all(axis=1)
+                hits, errors = hits[stands], errors[stands]
+            self._mark(here, hits, errors)
+        # what the robot overlaps by a part is free where it begins; later it must have been seen
+        around = math.sqrt(0.5) * here.cell + options.free_at_start
+        self._stand(here, pose, self.radius + begins * around)
+        return here
+
+    def _begin(self, scans: Sequence[LaserScan], pose: Array) -> LocalMap:
+        """Begin a map that holds the whole area where that is small, else the neighbourhood."""
+        options, noise = self.options, max(scan.noise for scan in scans)
+        # no finer than the scanner sees
+        cell = options.cell * max(1, math.ceil(CELL_NOISE * noise / options.cell))
+        low, high = self._area
+        low, high = low - self.reach - cell, high + self.reach + cell
+        most = options.most_cells * cell
+        if (high - low <= most).all():
+            return LocalMap.around(low, high, cell, True)
+        reach = max(scan.range_max for scan in scans)
+        half = min(max(MAP_REACH * reach, 2.0 * self.reach), 0.5 * most)
+        return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
+
+    def _pose_of(self, here: LocalMap, scan: LaserScan, pose: Array) -> Array:
+        """Where the robot was when a scan was taken, (3,) or (B, 3)."""
+        if not scan.age and not scan.time_increment:
+            return pose
+        ages = scan.ages if scan.time_increment else np.array(scan.age)
+        return here.poses_at(ages)
+
+    def _clear(self, here: LocalMap, rays: Rays) -> None:
+        """Take note of what rays passed through; farther away only of what was occupied."""
+        distance = min(self._free, rays.farthest)
+        area = rays.low.tolist(), rays.high.tolist(), rays.origin.tolist()
+        cells, passed = (here.state, here.seen, here.extent), (rays.turn, rays.squares, distance)
+        farther = rays.farthest > distance
+        scan_library.pass_rays(*cells, here.place, *area, *passed, farther, here.clock)
+
+    def _look_in_vain(self, here: LocalMap, rays: Rays) -> None:
+        """Count the scans in a row that have looked at unknown cells nearby in vain."""
+        if rays.vain is None or rays.farthest == 0.0:
+            return  # a scanner that is dead looks nowhere
+        window = here.window(rays.origin, self._stare)
+        x, y = (axis.astype(np.float32) for axis in here.centres(window))
+        x, y = x[None] - np.float32(rays.origin[0]), y[:, None] - np.float32(rays.origin[1])
+        (cos, sin), part = rays.turn, here.state[window[0] : window[1], window[2] : window[3]]
+        numbers = numbers_of(cos * x + sin * y, cos * y - sin * x)
+        looks = rays.vain.take(numbers, mode="wrap") & (x * x + y * y < self._stare**2)
+        counts = np.where(looks, np.maximum(part - 1, IN_VAIN), UNKNOWN)
+        np.copyto(part, counts, where=(part <= UNKNOWN) & (part > IN_VAIN))
+
+    def _mark(self, here: LocalMap, hits: Array, errors: Array) -> None:
+        """Mark the cells of hits (n, 2), which may be off by errors (n,), as occupied."""
+        cells = here.state, here.seen, here.extent, here.taken
+        last = here.place, self.options.passes, here.clock
+        scan_library.mark(*cells, hits, errors, *last)
+
+    def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:
+        """Where the robot stands, within a reach of its centre, nothing else does."""
+        arms = 0.0 if self.footprint is None else self.footprint.reach
+        window = here.window(pose[:2], reach + arms)
+        distance = cell_distances(here, window, self.footprint, pose)
+        area = slice(*window[:2]), slice(*window[2:])
+        state, under = here.state[area], distance <= reach
+        state[under & (state <= UNKNOWN)] = 0
+        state[distance <= self._core - here.cell] = 0
+        here.seen[area][under] = here.clock
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LastScan:
+    """What a scanner told last, and where the robot was when it told it first."""
+
+    ranges: bytes
+    """(B,) [m]."""
+    pose: Array
+    """(3,)."""
+
+
+@dataclass(slots=True)
+class ScanWatchState:
+    """What scanners have told, and since when they tell nothing."""
+
+    last: dict[Scanner, LastScan] = field(default_factory=dict)
+    """The one that told something last at the end."""
+    silent: float = 0.0
+    """For how long nothing new was told [s]."""
+
+
+class ScanWatch:
+    """Leaves out scans that come again, and says when the robot is blind.
+
+    `problem`: radius, in the robot's units. `options`: how far and how long. `period`: between two
+    steps [s].
+    """
+
+    def __init__(self, problem: NavigationProblem, options: SightOptions, period: float) -> None:
+        self._same, self._period = SAME_PLACE * unit_length(problem), period
+        self._limit = max(options.blind_time, PERIODS * period)
+
+    def see(
+        self, state: ScanWatchState, scans: Sequence[LaserScan], pose: Array
+    ) -> tuple[tuple[LaserScan, ...], str]:
+        """Take in the scans of a step.
+
+        `state`: updated. `scans`: without hits of the robot itself, which it carries along. None is
+        a step without a scan. `pose`: (3,) of the robot, in its units. Returns `scans`: without
+        those that came before, from elsewhere; `reason`: why the robot must not drive on; empty if
+        it sees, or never had a scan.
+        """
+        if not scans and not state.last:
+            return (), ""
+        new = tuple(scan for scan in scans if self._is_new(state, scan, pose))
+        if any(scan.hits.any() or scan.clear.any() for scan in new):
+            state.silent = 0.0
+            return new, ""
+        state.silent += self._period
+        if state.silent <= self._limit:
+            return new, ""
+        hangs = len(new) < len(scans)
+        what = "have not changed while the robot moved" if hangs else "have told nothing"
+        return new, f"scans {what} for {self._limit:g} s or longer: it does not drive blind"
+
+    def _is_new(self, state: ScanWatchState, scan: LaserScan, pose: Array) -> bool:
+        """Whether a scan is another one than the scanner's last, or the robot has hardly moved."""
+        scanner, ranges = (scan.mount, scan.layout), scan.ranges.tobytes()
+        before = state.last.pop(scanner, None)
+        if before is None or before.ranges != ranges:
+            state.last[scanner] = LastScan(ranges, pose.copy())
+            if len(state.last) > SCANNERS:
+                del state.last[next(iter(state.last))]
+            return True
+        state.last[scanner] = before
+        if np.count_nonzero(scan.hits) < NOISY:
+            return True
+        x, y, turn = (pose - before.pose).tolist()
+        near = x * x + y * y <= self._same**2
+        return near and abs(float(wrap(turn))) <= SAME_PLACE

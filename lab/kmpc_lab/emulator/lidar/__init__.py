@@ -1,1 +1,0 @@
-"""Emulated lidars: the real bytes of what rays hit in a simulated world."""

@@ -1,1 +1,0 @@
-"""`kmpc study clutter`: cylinders in the manner of the BARN challenge, driven by lidar alone."""

@@ -1,1 +1,0 @@
-"""Study ``parking``: cars of any size in bays, gaps, dead ends and lanes, and in the open."""
