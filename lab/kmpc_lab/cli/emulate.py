@@ -16,7 +16,6 @@ from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lab.emulator.build import Emulator, build_emulator
-from kmpc_lab.emulator.lidar import Eyes
 from kmpc_lab.emulator.mocap import MocapSender
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
@@ -150,15 +149,14 @@ def _emulator(
     if options.physics == "mujoco":
         from kmpc_lab.sim.twin import Twin
 
-        kind = robot.wheels.kind
-        twin = (
-            Twin(seed=options.seed, wheels=kind)
-            if scenario is None
-            else Twin.of(scenario, options.seed, kind)
-        )
-    eyes = None if options.lidar is None else Eyes(robot.lidar, scenario, options.seed)
+        seed, kind = options.seed, robot.wheels.kind
+        twin = Twin.of(scenario, seed, kind) if scenario else Twin(seed=seed, wheels=kind)
     emulator = build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
-    return emulator, None if eyes is None else eyes.served(lambda: emulator.pose)
+    if options.lidar is None:
+        return emulator, None
+    from kmpc_lab.emulator.lidar import Eyes
+
+    return emulator, Eyes(robot.lidar, scenario, options.seed).served(lambda: emulator.pose)
 
 
 def emulate(
