@@ -20,7 +20,7 @@ import numpy as np
 
 import kmpc_lite as kl
 from kmpc_lab.sim.lidar import scan_of, scan_ranges
-from kmpc_lite.scenario.lidar import LidarSpec
+from kmpc_lite.scenario.values import LidarSpec
 from kmpc_lite.scenario.world import World
 
 ROOT = Path(__file__).parents[1]

@@ -7,8 +7,7 @@ from typing import Any
 
 from firmware_bridge.drivers.boards import BoardEntry
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.safety.gate_settings import GateSettings
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import GateSettings, Limits
 
 LOOSE = 1.5
 """The watchdog must be this many control periods long, or one late plan would stop the robot."""

@@ -15,8 +15,7 @@ from firmware_bridge.drivers.boards import BOARDS
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table, three_numbers
 from firmware_bridge.robot_checks import check_kind, check_period, check_wheels
-from firmware_bridge.safety.gate_settings import TICK, GateSettings
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import TICK, GateSettings, Limits
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.pose import check_pose_url
 from firmware_bridge.wheels import TWO_SIDES, Wheels, read_wheels

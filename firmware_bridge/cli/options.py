@@ -1,4 +1,4 @@
-"""Options that several commands share: which robot, what it may do, how it is driven.
+"""Options that several commands share: which robot, what it may do, how it is driven, and watched.
 
 An option that replaces a key of the robot file is stored under its name there, ``section.key``.
 """
@@ -9,17 +9,23 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, TOPICS, Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
+from kmpc_lite.cli.command import positive
+from kmpc_lite.cli.drive_options import TURN_SHARE
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import positive
-from kmpc_lite.cli.tuning import TURN_SHARE
 from kmpc_lite.reading import parse_toml
 
+if TYPE_CHECKING:
+    from firmware_bridge.live.address import LiveAddress
+
 Add = Callable[..., object]
+LAST_PORT = 65535
+HOST, PORT = "127.0.0.1", 8764
+"""As `firmware_bridge.live` has them: a help need not wait for that."""
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
@@ -178,3 +184,35 @@ def prepare(options: argparse.Namespace) -> None:
 def people(options: argparse.Namespace) -> TextIO | None:
     """Where to show people what happens."""
     return None if options.json else sys.stdout
+
+
+def add_live_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `live_address` reads."""
+    add = parser.add_argument_group("watch and stop it in a browser").add_argument
+    text = "serve a page with map, numbers and STOP to browsers of this computer; prints its link"
+    add("--live", action="store_true", help=text)
+    text = f"--live at this port (default: {PORT}; 0: any that is free)"
+    add("--live-port", type=port, metavar="PORT", help=text)
+    text = (
+        "--live at this address, 0.0.0.0 for all: other computers and phones of the network\n"
+        f"then need the token in the link (default: {HOST})"
+    )
+    add("--live-host", metavar="HOST", help=text)
+
+
+def port(text: str) -> int:
+    """Read a port."""
+    if not (text.isascii() and text.isdigit() and int(text) <= LAST_PORT):
+        raise argparse.ArgumentTypeError(f"expected a port from 0 to {LAST_PORT}, got {text}")
+    return int(text)
+
+
+def live_address(options: argparse.Namespace) -> LiveAddress | None:
+    """Where the page is to be served; None if none is asked for."""
+    if not (options.live or options.live_port is not None or options.live_host):
+        return None
+    from firmware_bridge.live.address import LiveAddress
+
+    return LiveAddress(
+        options.live_host or HOST, PORT if options.live_port is None else options.live_port
+    )

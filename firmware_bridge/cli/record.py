@@ -14,8 +14,7 @@ from firmware_bridge.cli.options import (
     read_robot,
 )
 from firmware_bridge.messages import BridgeError, ConfigError
-from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.command import Command, positive
 
 if TYPE_CHECKING:
     from firmware_bridge.messages import Speeds

@@ -7,9 +7,8 @@ import json
 from pathlib import Path
 
 from firmware_bridge.messages import BridgeError
-from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.command import Command, positive
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import positive
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

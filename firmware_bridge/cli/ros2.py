@@ -21,12 +21,15 @@ from firmware_bridge.integration.course import Course, beyond, course
 from firmware_bridge.integration.recording import recorder_of, recording_to
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS, TOPICS, Robot, load_robot
-from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.command import Command, positive
+from kmpc_lite.cli.drive_options import (
+    add_clearance,
+    add_goal_options,
+    drive_overrides,
+    split_settings,
+)
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.goals import add_goal_options
-from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
-from kmpc_lite.cli.tuning import add_clearance, drive_overrides, split_settings
 
 if TYPE_CHECKING:
     from firmware_bridge.ros2.driver import Ros2Driver
@@ -62,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
         driver, robot = stack.enter_context(_node(options))
         planner = None
         if driver.options.follow_plan:
-            from firmware_bridge.ros2.given_path import GivenPath
+            from firmware_bridge.ros2.geometry import GivenPath
 
             planner = GivenPath(lambda: driver.path, by_poses=robot.wheels.kind == "car")
         job = course(

@@ -8,11 +8,12 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-from firmware_bridge.cli.live_options import add_live_options, live_address
 from firmware_bridge.cli.options import (
     add_course_options,
     add_drive_options,
+    add_live_options,
     add_robot_options,
+    live_address,
     people,
     prepare,
     read_robot,
@@ -24,11 +25,14 @@ from firmware_bridge.integration.showing import Showing
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS
 from firmware_bridge.safety.places import default_socket
-from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.goals import add_goal_options
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.command import Command, positive
+from kmpc_lite.cli.drive_options import (
+    add_clearance,
+    add_goal_options,
+    drive_overrides,
+    split_settings,
+)
 from kmpc_lite.cli.output import command_line
-from kmpc_lite.cli.tuning import add_clearance, drive_overrides, split_settings
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -12,12 +12,10 @@ from firmware_bridge.integration.model_gate import load_model
 from firmware_bridge.messages import ConfigError, command_of, speeds_of
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
-from kmpc_lite.scenario.drawn import NO_AREA
-from kmpc_lite.scenario.overrides import DriveOverrides
+from kmpc_lite.scenario.overrides import NO_AREA, DriveOverrides
 
 if TYPE_CHECKING:
-    from firmware_bridge.runtime.navigator import Moment, Step
-    from firmware_bridge.runtime.route import Route
+    from firmware_bridge.runtime.navigator import Moment, Route, Step
 
 Look = Callable[["Moment"], tuple[list[Any], Any] | None]
 """What a robot sees: obstacles, and the scan among them, if any; None while it is blind."""
@@ -82,8 +80,7 @@ def course(
     if not given. Raises ConfigError for a scenario or a model that cannot be used.
     """
     import kmpc_lite as kl
-    from firmware_bridge.runtime.navigator import Navigator, Task
-    from firmware_bridge.runtime.route import Route
+    from firmware_bridge.runtime.navigator import Navigator, Route, Task
 
     if click and not overrides.goals and robot.control.scenario is None:
         overrides = overrides._replace(goals=(HERE,))
@@ -131,7 +128,7 @@ def _gap(scenario: Any, pose: Pose, time: float) -> float:
     """Distance of a robot at a pose and a time [s] to the nearest obstacle, between edges [m]."""
     import numpy as np
 
-    from kmpc_lite.scenario.gaps import obstacle_gaps
+    from kmpc_lite.scenario.world import obstacle_gaps
 
     return float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0])
 
@@ -168,8 +165,8 @@ def scenario_of(robot: Robot, overrides: DriveOverrides = NO_OVERRIDES) -> Any:
     from kmpc_lite.control.wheels import Car, Omni, read_wheels
     from kmpc_lite.errors import KmpcError
     from kmpc_lite.reading import parse_toml
-    from kmpc_lite.scenario.drawn import drawn_table
     from kmpc_lite.scenario.files import Scenario
+    from kmpc_lite.scenario.overrides import drawn_table
 
     named = robot.control.scenario
     if named is None and not overrides.goals:

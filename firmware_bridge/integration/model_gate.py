@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import NOMINAL_LATENCY, Robot
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import Limits
 
 if TYPE_CHECKING:
     import kmpc_lite as kl

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from firmware_bridge.link.ration import Ration
 from firmware_bridge.link.sockets import TcpEndpoint, UdpEndpoint
-from firmware_bridge.link.threaded import OnBytes, ThreadedTransport, Transport
+from firmware_bridge.link.threaded import OnBytes, Ration, ThreadedTransport, Transport
 from firmware_bridge.link.url import LinkUrl
 
 __all__ = ["OnBytes", "Transport", "open_transport"]

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from firmware_bridge.messages import STILL, ConfigError, Speeds, State, VelocityCommand
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.wheels import TWO_SIDES, Wheels
 
 LEAST = 0.3

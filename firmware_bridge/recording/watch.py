@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from firmware_bridge.messages import STILL, Speeds, State
 from firmware_bridge.safety.gate import GateOutput
+from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.limits import Limits
 
 WINDOW = 1.0
 """Time over which motion and commands are compared [s]: the pose's noise weighs little."""

@@ -13,11 +13,9 @@ from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
 from firmware_bridge.runtime.loop import FINISHED
-from firmware_bridge.runtime.navigator import Moment, Navigator
+from firmware_bridge.runtime.navigator import Moment, Navigator, Route
 from firmware_bridge.runtime.observer import Observer
-from firmware_bridge.runtime.reasons import ended_words, told_once
-from firmware_bridge.runtime.route import Route
-from firmware_bridge.runtime.session import STOPS, Session
+from firmware_bridge.runtime.session import STOPS, Session, ended_words, told_once
 from firmware_bridge.runtime.timing import table
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_table import GateState

@@ -1,12 +1,16 @@
-"""One drive from connect to release: link, gate, loop, emergency stop, logs, signals."""
+"""One drive from connect to release: link, gate, loop, emergency stop, logs, signals.
+
+It says why a robot does not drive, each reason once; and how a drive ended, in one sentence.
+"""
 
 from __future__ import annotations
 
 import gc
+import math
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -23,7 +27,6 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.observer import Observer
-from firmware_bridge.runtime.reasons import told_once
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
@@ -42,6 +45,45 @@ LATE_STEPS = 1.3
 SWITCH = 0.0005
 """A busy controller thread gives way to the gate after this long [s]; Python's own figure is
 0.005."""
+
+
+def told_once(reasons: Iterable[str], words: Iterable[str]) -> list[str]:
+    """Put an autopilot's own words behind what is known, but for those that it contains already.
+
+    Examples
+    --------
+    >>> told_once(["link down", "arming is refused for now: Arm: no GPS"], ["PreArm: no GPS"])
+    ['link down', 'arming is refused for now: Arm: no GPS']
+    """
+    known = list(dict.fromkeys(reasons))
+    more = (text for text in words if not any(_gist(text) in reason for reason in known))
+    return [*known, *dict.fromkeys(more)]
+
+
+def ended_words(
+    what: str, after: float, errors: tuple[float, float], goal: str, why: Iterable[str]
+) -> str:
+    """Say in one sentence how a drive ended that did not arrive: the same wherever it is shown.
+
+    `what`: happened. `after`: time since the robot was first let drive [s]. `errors`: distance to
+    the goal [m] and heading error [rad]; infinite if no pose is known. `goal`: which goal of how
+    many; empty for a single one. `why`: what kept it from arriving.
+
+    Examples
+    --------
+    >>> ended_words("time is up", 20.0, (0.52, 0.1), "", ["no passage is wide enough"])
+    'time is up after 20.0 s, 0.52 m and 0.10 rad from the goal: no passage is wide enough'
+    """
+    distance, turn = errors
+    known = f", {distance:.2f} m and {turn:.2f} rad from {goal or 'the goal'}"
+    where = known if math.isfinite(distance) else ""
+    reasons = "; ".join(why)
+    return f"{what} after {after:.1f} s{where}" + (f": {reasons}" if reasons else "")
+
+
+def _gist(text: str) -> str:
+    """The text behind "Arm:" or "PreArm:"; the autopilot says the same behind either."""
+    return text.rpartition("Arm:")[2].strip()
 
 
 class EstopLatched(BridgeError):

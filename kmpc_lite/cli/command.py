@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import re
+from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
@@ -27,6 +28,8 @@ PROGRAM, SHARED = "kmpc", ("help", "json")
 """Options that every command takes: only the help of `kmpc` itself shows them."""
 ON_THE_ROBOT, DESK = "commands for a robot", "commands for a desk (kmpc-lab)"
 """Headings of the two groups."""
+LARGEST = 1e9
+"""Beyond it a number is a slip of the pen."""
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:
@@ -228,3 +231,36 @@ def _add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Comman
         sub.set_defaults(run=command.run, errors=command.errors)
         sub.add_argument("--json", action="store_true", help="print one JSON object, errors too")
         command.add_options(sub)
+
+
+def positive(text: str) -> float:
+    """Read a number > 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < LARGEST:
+        raise ArgumentTypeError(f"expected a number > 0, got {text}")
+    return value
+
+
+def number(text: str) -> float:
+    """Read a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = LARGEST
+    if not -LARGEST < value < LARGEST:
+        raise ArgumentTypeError(f"expected a number, got {text}")
+    return value
+
+
+def count(text: str) -> int:
+    """Read a whole number >= 1."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if not 1 <= value < LARGEST:
+        raise ArgumentTypeError(f"expected a whole number >= 1, got {text}")
+    return value

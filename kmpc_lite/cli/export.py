@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.command import Command, positive
 
 if TYPE_CHECKING:
     from kmpc_lite.control.problem import NavigationProblem

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import kmpc_lite as kl
-from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.command import Command, positive
 from kmpc_lite.cli.log_options import add_force, add_log_options, read_options
-from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import keep_inputs
 from kmpc_lite.defaults import SHORTEST_PERIOD
 

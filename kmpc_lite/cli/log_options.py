@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.command import positive
 from kmpc_lite.errors import DataError
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
 
     Raises DataError for what cannot be understood.
     """
-    from kmpc_lite.cli.progress import ProgressBar
+    from kmpc_lite.cli.output import ProgressBar
     from kmpc_lite.learn.logs import ReadOptions
 
     return ReadOptions(

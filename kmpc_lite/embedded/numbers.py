@@ -22,7 +22,7 @@ from kmpc_lite.control.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.model.dictionary.terms import TERMS
+from kmpc_lite.model.dictionary.response import TERMS
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Literal
 
 from kmpc_lite.errors import DataError
+from kmpc_lite.learn.calibration import fit_noise, with_noise
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.lag import aligned, mean_delay
-from kmpc_lite.learn.noise import fit_noise, with_noise
 from kmpc_lite.learn.regression import Accumulator, Method, wants_symmetry
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel

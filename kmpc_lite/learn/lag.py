@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from kmpc_lite.learn.dataset import Dataset, Episode
-from kmpc_lite.model.dictionary.curvature import held_curvatures
+from kmpc_lite.model.dictionary.response import held_curvatures
 from kmpc_lite.types import Array
 
 SETTLED = 3.0

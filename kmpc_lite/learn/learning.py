@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.learn.calibration import with_noise, with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fitting import Lags, fit
-from kmpc_lite.learn.noise import with_noise
 from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method

@@ -38,8 +38,7 @@ from kmpc_lite.learn.windows import (
     squared_errors,
 )
 from kmpc_lite.model.dictionary import Dictionary
-from kmpc_lite.model.dictionary.response import ResponseDictionary
-from kmpc_lite.model.dictionary.terms import OMNI_TERMS, TERMS, terms_of
+from kmpc_lite.model.dictionary.response import OMNI_TERMS, TERMS, ResponseDictionary, terms_of
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 

@@ -17,7 +17,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
 from kmpc_lite.learn.formats.columns import CAR_OMEGA
 from kmpc_lite.learn.logs import Log, Series
-from kmpc_lite.model.dictionary.curvature import held_curvatures
+from kmpc_lite.model.dictionary.response import held_curvatures
 from kmpc_lite.types import Array
 
 PIECE = 1.0

@@ -13,7 +13,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.learn.lag import Response
 from kmpc_lite.learn.windows import largest_inputs
-from kmpc_lite.model.dictionary.terms import evaluate_terms
+from kmpc_lite.model.dictionary.response import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 

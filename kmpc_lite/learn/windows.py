@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.model.dictionary.curvature import held_curvatures
-from kmpc_lite.model.dictionary.terms import evaluate_terms, terms_of
+from kmpc_lite.model.dictionary.response import evaluate_terms, held_curvatures, terms_of
 from kmpc_lite.types import INPUTS, Array
 
 MOST_BLOCKS = 64

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,3 +116,19 @@ class BilinearForm:
             return slope
 
         return f
+
+
+class Linearization(NamedTuple):
+    """First-order expansion of the model at n points.
+
+    ``x+ = value + A dx + B du + sum_j B_past[j] dpast[j]``.
+    """
+
+    value: Array
+    """Predicted states, (..., 3)."""
+    A: Array
+    """Derivative by the state, (..., 3, 3)."""
+    B: Array
+    """Derivative by the present command, (..., 3, 2)."""
+    B_past: Array
+    """Derivative by past commands, newest first, (..., L, 3, 2)."""

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import real_array
 from kmpc_lite.model.arguments import broadcast, windows
-from kmpc_lite.model.bilinear import TABLEAUX, BilinearForm, integrate
+from kmpc_lite.model.bilinear import TABLEAUX, BilinearForm, Linearization, integrate
 from kmpc_lite.model.dictionary import Dictionary
-from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.noise_model import LARGEST, NoiseModel
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import STATES, Array

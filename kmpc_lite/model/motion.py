@@ -13,10 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.linearization import Linearization
-from kmpc_lite.model.noise_model import NoiseModel
-from kmpc_lite.model.noise_sources import NoiseSources
+from kmpc_lite.model.noise_model import NoiseModel, NoiseSources
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 

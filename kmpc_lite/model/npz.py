@@ -12,8 +12,7 @@ from kmpc_lite.files import read_npz, write_whole
 from kmpc_lite.model.dictionary import Dictionary, dictionary_from_config, dictionary_to_config
 from kmpc_lite.model.info import check_info
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.noise_model import NoiseModel
-from kmpc_lite.model.noise_sources import NoiseSources
+from kmpc_lite.model.noise_model import NoiseModel, NoiseSources
 
 FORMAT = "kmpc_lite.model"
 MAX_BYTES = 2**26

@@ -120,7 +120,7 @@ class TubeNoise:
 def tube_noise(noise: NoiseModel | None, dt: float) -> TubeNoise:
     """Part what a model says of its errors into what the pose's measurement and the floor add.
 
-    Noise sources tell it (`kmpc_lite.model.noise_sources`). Without them the covariance of single
+    Noise sources tell it (`kmpc_lite.model.noise_model`). Without them the covariance of single
     residuals does: a robot that stands does not move, so what residuals have left at zero command
     comes from the measured poses at both ends, and what grows with the commands is taken for white.
 

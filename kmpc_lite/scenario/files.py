@@ -24,19 +24,21 @@ from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.shapes import Circle, Polygon, Wall
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
-from kmpc_lite.scenario.arrival import ARRIVED, Tolerance
 from kmpc_lite.scenario.bundled import bundled, bundled_file
-from kmpc_lite.scenario.drawn import NO_AREA, area_around
-from kmpc_lite.scenario.lidar import LidarSpec, lidar_to_toml, read_lidar
+from kmpc_lite.scenario.overrides import NO_AREA, area_around
 from kmpc_lite.scenario.places import check_place
+from kmpc_lite.scenario.touch import ARRIVED, Tolerance
 from kmpc_lite.scenario.values import (
     CONTROLLER,
     KEYS,
     LIDAR,
     Floor,
+    LidarSpec,
     check_keys,
     grid_to_toml,
+    lidar_to_toml,
     options_to_toml,
+    read_lidar,
     read_options,
     to_toml,
 )

@@ -1,10 +1,14 @@
-"""Keys of a scenario file: their defaults, how their values are read, and how they are written."""
+"""Keys of a scenario file: their defaults, how their values are read, and how they are written.
+
+The simulated lidar is its section ``[lidar]``, without which all is known.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +20,7 @@ from kmpc_lite.control.wheels import Wheels, read_wheels
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.shapes import Circle, Polygon, Wall
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
-from kmpc_lite.scenario.arrival import ARRIVED
+from kmpc_lite.scenario.touch import ARRIVED
 
 CONTROLLER, LIDAR = "controller", "lidar"
 """Sections of the controller's options, a table for each room, and of the simulated lidar."""
@@ -29,6 +33,8 @@ GRID_KEYS = ("resolution", "origin", "rows", "unknown_is_free")
 Read = Callable[[str, Any], Any]
 """Reads one value: takes file, section and key, for errors, and what TOML gives; raises
 ScenarioError that says what was expected, and what came."""
+FARTHEST, FASTEST = 1000.0, 1000.0
+"""Largest reach and mount [m], and highest rate [Hz]."""
 
 
 class Floor(NamedTuple):
@@ -341,3 +347,55 @@ def to_toml(value: Any) -> str:
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key} = {to_toml(v)}' for key, v in value.items())}}}"
     return f"[{', '.join(map(to_toml, value))}]"
+
+
+@dataclass(frozen=True)
+class LidarSpec:
+    """A scanner as its data sheet has it."""
+
+    reach: float = 4.0
+    """How far it sees [m]."""
+    beams: int = 360
+    """Number of beams, spread evenly all around."""
+    noise: float = 0.01
+    """Standard deviation of a range [m]."""
+    dropout: float = 0.01
+    """Share of beams that come back without a range."""
+    nearest: float = 0.05
+    """Least range [m]."""
+    rate: float = 0.0
+    """Turns a second [Hz]; 0: one for each step of the controller."""
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where it sits on the robot: ahead, left [m], and its heading [rad]."""
+
+
+READERS: dict[str, Read] = {
+    "reach": at_least_zero(FARTHEST, zero=False),
+    "beams": whole_number(1, USUAL_OBSTACLES.scan_beams),
+    "noise": at_least_zero(1.0),
+    "dropout": at_least_zero(1.0),
+    "nearest": at_least_zero(FARTHEST),
+    "rate": at_least_zero(FASTEST),
+    "mount": numbers(3, most=FARTHEST),
+}
+
+
+def read_lidar(where: str, value: Any) -> LidarSpec | None:
+    """Read the section; None if there is none.
+
+    Raises ScenarioError: names the key, what was expected and what came.
+    """
+    if value is None:
+        return None
+    check_section(where, value, READERS)
+    spec = LidarSpec(**{key: READERS[key](f"{where} {key}", found) for key, found in value.items()})
+    if not spec.nearest < spec.reach:
+        raise ScenarioError(f"{where} nearest: expected less than the reach, got {spec.nearest:g}")
+    return spec
+
+
+def lidar_to_toml(spec: LidarSpec | None) -> list[str]:
+    """Lines of the section that `read_lidar` reads back; none without a lidar."""
+    if spec is None:
+        return []
+    return [f"[{LIDAR}]", *(f"{key} = {to_toml(value)}" for key, value in asdict(spec).items()), ""]

@@ -1,4 +1,4 @@
-"""What rays meet among a scenario's obstacles: circles and straight edges, worked out exactly.
+"""What rays meet among a scenario's obstacles, worked out exactly, and how far a robot is off them.
 
 It shares no code with what the controller makes of a scan.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 
@@ -94,3 +95,28 @@ def world_of(scenario: Scenario) -> World:
             corners = scenario.grid.to_map(np.array([(x1, y1), (x2, y1), (x2, y2), (x1, y2)]))
             edges.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
     return World(np.array(circles, dtype=float).reshape(-1, 5), np.concatenate(edges))
+
+
+def obstacle_gaps(scenario: Scenario, poses: Array, times: Array) -> Array:
+    """Distances (n,) from a robot at poses (n, 3) [m, m, rad] to its nearest obstacle.
+
+    Obstacles stand where they are at times (n,) [s]; distances [m] are those between edges.
+    """
+    if scenario.footprint is None:
+        return point_gaps(scenario, poses[:, :2], times) - scenario.radius
+    # here, since most robots are round
+    from kmpc_lite.scenario.touch import footprint_gaps
+
+    circles = np.array([scenario.circles_at(time) for time in times.tolist()])
+    solids = () if scenario.solids is None else scenario.solids.solids
+    return footprint_gaps(scenario.footprint, poses, circles, solids)
+
+
+def point_gaps(scenario: Scenario, points: Array, times: Array) -> Array:
+    """Distances (n,) from points (n, 2) to the nearest obstacle at times (n,) [m], [s]."""
+    gaps = np.full(len(points), np.inf)
+    if scenario.circles:
+        gaps = distances(things_of(scenario.circles_at(0.0)), points, times).min(axis=1)
+    if scenario.solids is not None:
+        gaps = np.minimum(gaps, scenario.solids.whole.least(points))
+    return gaps

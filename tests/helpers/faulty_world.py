@@ -18,9 +18,8 @@ from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.safety.gate import SafetyGate
-from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.gate_settings import GateSettings, Limits
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.limits import Limits
 from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 TICK = 0.02

@@ -11,8 +11,8 @@ from firmware_bridge.messages import STILL, Controller, State
 from firmware_bridge.recording.watch import DriveWatch
 from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.safety.gate import GateOutput
+from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.safety.gate_table import Action, GateState
-from firmware_bridge.safety.limits import Limits
 from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
 TICK = 0.02

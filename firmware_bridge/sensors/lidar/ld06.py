@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import Packets
-from firmware_bridge.sensors.lidar.lidar import SerialLidar
-from firmware_bridge.sensors.lidar.turns import Turns
+from firmware_bridge.sensors.lidar.lidar import SerialLidar, Turns
 
 HEADER = b"\x54\x2c"
 POINTS = 12

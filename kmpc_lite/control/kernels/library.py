@@ -21,7 +21,7 @@ from kmpc_lite.control.kernels.records import (
 )
 from kmpc_lite.control.kernels.scan_library import Bits
 from kmpc_lite.control.kernels.scan_library import dense as _dense
-from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.types import STATES, Array
 
 NOTHING = np.empty(0)

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
 from kmpc_lite.control.kernels.scan_library import dense
 from kmpc_lite.model.arguments import broadcast
+from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.model.dictionary import InputHistoryDictionary, ResponseDictionary
 from kmpc_lite.model.dictionary.base import Dictionary
-from kmpc_lite.model.dictionary.terms import terms_of
+from kmpc_lite.model.dictionary.response import terms_of
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.motion import MotionModel, ScaledModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array

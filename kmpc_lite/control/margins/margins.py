@@ -27,7 +27,7 @@ from kmpc_lite.control.margins.model_noise import (
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
-from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import FLOOR, MEMORY, TURN
 from kmpc_lite.types import STATES, Array

@@ -33,7 +33,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.task import Task
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.model.arguments import speeds
-from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.types import Array
 
 LEAST_SOLVE_TIME = 5e-5

@@ -2,10 +2,9 @@
 
 from kmpc_lite.model.dictionary.base import MAX_LAG, MAX_SIZE, Dictionary, dictionary_to_config
 from kmpc_lite.model.dictionary.config import dictionary_from_config
-from kmpc_lite.model.dictionary.hermite import HermiteTrigDictionary
+from kmpc_lite.model.dictionary.hermite import HermiteTrigDictionary, UnicycleDictionary
 from kmpc_lite.model.dictionary.input_history import InputHistoryDictionary
 from kmpc_lite.model.dictionary.response import ResponseDictionary
-from kmpc_lite.model.dictionary.unicycle import UnicycleDictionary
 
 __all__ = [
     "MAX_LAG",

@@ -6,10 +6,9 @@ from typing import Any
 
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import Dictionary
-from kmpc_lite.model.dictionary.hermite import HermiteTrigDictionary
+from kmpc_lite.model.dictionary.hermite import HermiteTrigDictionary, UnicycleDictionary
 from kmpc_lite.model.dictionary.input_history import InputHistoryDictionary
 from kmpc_lite.model.dictionary.response import ResponseDictionary
-from kmpc_lite.model.dictionary.unicycle import UnicycleDictionary
 
 
 def dictionary_from_config(config: dict[str, Any]) -> Dictionary:

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kmpc_lite.cli.command import Command, refuse_unread
+from kmpc_lite.cli.command import Command, count, positive, refuse_unread
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import count, positive
-from kmpc_lite.cli.progress import ProgressBar
+from kmpc_lite.cli.output import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0
 """Recorded drives, and how long the loop runs [s], if nothing else is asked for."""

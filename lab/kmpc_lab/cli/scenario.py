@@ -5,13 +5,18 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from kmpc_lite.cli.goals import PoseOption, add_goal_options
-from kmpc_lite.cli.numbers import positive
-from kmpc_lite.cli.tuning import TURN_SHARE, add_clearance, drive_overrides
+from kmpc_lite.cli.command import positive
+from kmpc_lite.cli.drive_options import (
+    TURN_SHARE,
+    PoseOption,
+    add_clearance,
+    add_goal_options,
+    drive_overrides,
+)
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.bundled import bundled
-from kmpc_lite.scenario.drawn import drawn_table
+from kmpc_lite.scenario.overrides import drawn_table
 
 if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario

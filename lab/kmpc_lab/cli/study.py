@@ -9,10 +9,9 @@ from pathlib import Path
 
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.study import Study, Work, check_resume
-from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.command import Command, count
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import ProgressBar
+from kmpc_lite.cli.output import ProgressBar
 
 
 def add_options(study: Study, parser: argparse.ArgumentParser) -> None:

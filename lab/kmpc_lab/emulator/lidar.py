@@ -25,7 +25,7 @@ from firmware_bridge.options import bounded, check
 from firmware_bridge.sensors.lidar.ld06 import CIRCLE as HUNDREDTHS
 from firmware_bridge.sensors.lidar.ld06 import POINTS, Ld06Packet
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from firmware_bridge.sensors.lidar.rplidar_frames import (
+from firmware_bridge.sensors.lidar.rplidar import (
     CIRCLE,
     GET_HEALTH,
     GET_INFO,

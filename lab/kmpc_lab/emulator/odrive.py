@@ -10,8 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Unpack
 
-from firmware_bridge.drivers.odrive import CLOSED_LOOP, IDLE, ODriveOptions
-from firmware_bridge.drivers.odrive_errors import REGISTERS
+from firmware_bridge.drivers.odrive import CLOSED_LOOP, IDLE, REGISTERS, ODriveOptions
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link.framing import Lines, odrive_text, xor8
 from kmpc_lab.emulator.board import BoardEmulator, Scene

@@ -28,7 +28,7 @@ from firmware_bridge.ros2.geometry import Place
 from kmpc_lab.sim.plants.plant import scenario_plant
 from kmpc_lite.geometry import rotate
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.gaps import obstacle_gaps, point_gaps
+from kmpc_lite.scenario.world import obstacle_gaps, point_gaps
 from kmpc_lite.types import Array
 
 BORDER = 0.5

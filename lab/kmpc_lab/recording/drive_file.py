@@ -19,7 +19,7 @@ from kmpc_lite.errors import ScenarioError
 from kmpc_lite.learn.formats.mcap import DRIVE, is_ours, read_messages
 from kmpc_lite.reading import open_regular, parse_toml
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.gaps import obstacle_gaps
+from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
 LARGEST_FILE = 2**30

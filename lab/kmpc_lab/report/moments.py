@@ -15,7 +15,7 @@ from kmpc_lab.report.words import STATUS_WORDS, substeps
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lab.sim.details import Details
 from kmpc_lite.geometry import distances, wrap
-from kmpc_lite.scenario.gaps import obstacle_gaps
+from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
 MOST = 200

@@ -12,7 +12,7 @@ import numpy as np
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.scenario.gaps import obstacle_gaps
+from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
 STATUS_WORDS = {

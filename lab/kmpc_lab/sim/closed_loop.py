@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from firmware_bridge.runtime.reasons import ended_words
-from firmware_bridge.runtime.route import Route
+from firmware_bridge.runtime.navigator import Route
+from firmware_bridge.runtime.session import ended_words
 from kmpc_lab.sim.details import Details
 from kmpc_lab.sim.plants.plant import Plant, scenario_plant
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.gaps import obstacle_gaps
+from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.lidar import LidarSpec as LidarSpec
+from kmpc_lite.scenario.values import LidarSpec as LidarSpec
 from kmpc_lite.scenario.world import World, world_of
 from kmpc_lite.types import Array
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lab.studies.study import Axis, Study
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.command import positive
 
 OURS, PAPERS = "ours, everything on", "K-NMPC, IPOPT"
 SLIPS = (0.0, 0.01, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)

@@ -17,8 +17,7 @@ from kmpc_lab.report.picture import Trace
 from kmpc_lab.sim.closed_loop import periods
 from kmpc_lite.control import Circle, Controller, Footprint, NavigationProblem, Polygon, Wall
 from kmpc_lite.control.plan import Plan, PlanStatus
-from kmpc_lite.scenario.arrival import in_pose
-from kmpc_lite.scenario.touch import footprint_gaps
+from kmpc_lite.scenario.touch import footprint_gaps, in_pose
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 

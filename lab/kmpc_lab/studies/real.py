@@ -26,10 +26,9 @@ from kmpc_lite.control import Controller
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
-from kmpc_lite.learn.calibration import scores, with_quantiles
+from kmpc_lite.learn.calibration import prediction_errors, scores, with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise import prediction_errors
 from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import tube_noise

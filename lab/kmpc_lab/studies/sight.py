@@ -25,7 +25,7 @@ from kmpc_lite.control import Controller
 from kmpc_lite.control.plan import GoalProgress, Plan
 from kmpc_lite.control.world.shapes import Circle, Polygon
 from kmpc_lite.scale import UNIT_RADIUS
-from kmpc_lite.scenario.arrival import Tolerance
+from kmpc_lite.scenario.touch import Tolerance
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from firmware_bridge.safety.estop import EmergencyStop
+from firmware_bridge.safety.estop import EmergencyStop, Listener
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.listener import Listener
 from firmware_bridge.safety.places import is_latched
 from kmpc_lite.cli.main import main
 

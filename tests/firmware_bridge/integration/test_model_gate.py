@@ -8,7 +8,7 @@ import kmpc_lite as kl
 from firmware_bridge.integration.model_gate import describe_model, fit_for, with_latency
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import Limits
 
 GEOMETRY = {"wheel_radius": 0.05, "track": 0.3}
 ROVER = {"name": "rover-7", "driver": "roboclaw", "poses": "own", **GEOMETRY}

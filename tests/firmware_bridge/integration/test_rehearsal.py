@@ -16,7 +16,7 @@ from firmware_bridge.integration.rehearsal import (
 )
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import Limits
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from tests.helpers.simulated_robot import Simulated
 

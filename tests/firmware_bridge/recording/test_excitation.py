@@ -10,7 +10,7 @@ import pytest
 from firmware_bridge.messages import STILL, ConfigError, State
 from firmware_bridge.recording.excitation import Excitation
 from firmware_bridge.runtime.controller_thread import unicycle_arc
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.wheels import Wheels
 from kmpc_lite.learn.coverage import find_coverage
 from tests.helpers.simulated_robot import Simulated

@@ -21,8 +21,7 @@ from sensor_msgs.msg import LaserScan
 import firmware_bridge.ros2.driver as module
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.ros2.driver import Ros2Driver
-from firmware_bridge.ros2.geometry import Place
-from firmware_bridge.ros2.given_path import GivenPath
+from firmware_bridge.ros2.geometry import GivenPath, Place
 from firmware_bridge.ros2.options import Ros2Options, read_parameters
 from firmware_bridge.wheels import Wheels
 

@@ -4,8 +4,7 @@ import pytest
 from robots import Clock
 
 from firmware_bridge.messages import State
-from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
-from firmware_bridge.runtime.route import Route
+from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Route, Task
 
 GOALS = ((1.0, 0.0, 0.0), (1.0, 1.0, 1.5), (0.0, 0.0, 0.0))
 

@@ -15,10 +15,9 @@ import pytest
 from waiting import until
 
 from firmware_bridge.messages import ConfigError, LinkError
-from firmware_bridge.safety.estop import CLIENTS, EmergencyStop
+from firmware_bridge.safety.estop import CLIENTS, EmergencyStop, Listener
 from firmware_bridge.safety.estop_client import ask, press
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.listener import Listener
 from firmware_bridge.safety.places import latch_file, set_latch
 
 pytestmark = pytest.mark.usefixtures("no_other_bridge")

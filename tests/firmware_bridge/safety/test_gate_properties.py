@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from firmware_bridge.messages import STILL, LinkStatus, State, VelocityCommand
 from firmware_bridge.safety.gate import LONGEST_RISE, GateOutput, SafetyGate
-from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.gate_settings import GateSettings, Limits
 from firmware_bridge.safety.gate_table import Action, GateState, Reason
-from firmware_bridge.safety.limits import Limits
 
 TICK = 0.02
 SLACK = 1e-9

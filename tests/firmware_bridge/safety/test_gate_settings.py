@@ -8,8 +8,7 @@ import pytest
 from gate_world import SETTINGS
 
 from firmware_bridge.messages import STILL, ConfigError
-from firmware_bridge.safety.gate_settings import GateSettings
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.gate_settings import GateSettings, Limits
 
 
 @pytest.mark.parametrize("name", ["watchdog", "pose_age", "heartbeat_age", "hold", "settle"])

@@ -5,8 +5,8 @@ from gate_world import TICK, World, into
 
 from firmware_bridge.messages import STILL
 from firmware_bridge.safety.gate import LONGEST_RISE, RESEND
+from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.safety.gate_table import Action, GateState
-from firmware_bridge.safety.limits import Limits
 
 
 def test_a_stop_that_was_asked_for_is_not_undone_by_good_inputs():

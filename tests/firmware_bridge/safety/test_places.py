@@ -8,8 +8,7 @@ import pytest
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.safety import places
-from firmware_bridge.safety.estop import EmergencyStop
-from firmware_bridge.safety.listener import Listener
+from firmware_bridge.safety.estop import EmergencyStop, Listener
 from firmware_bridge.safety.places import NAME, default_socket, found_sockets, likely_sockets
 
 

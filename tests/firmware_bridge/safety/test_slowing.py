@@ -6,9 +6,8 @@ import pytest
 
 from firmware_bridge.messages import LinkStatus, State, VelocityCommand
 from firmware_bridge.safety.gate import SafetyGate
-from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.gate_settings import GateSettings, Limits
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.limits import Limits
 
 TICK = 0.02
 SETTINGS = GateSettings(Limits(v_max=0.5, v_reverse=0.5), settle=0.1)

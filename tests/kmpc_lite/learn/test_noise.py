@@ -7,7 +7,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.learn.noise import fit_noise
+from kmpc_lite.learn.calibration import fit_noise
 
 # covariances per period of (forward [m], left [m], heading [rad]): at rest, by v^2, by omega^2
 REST = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 5e-5

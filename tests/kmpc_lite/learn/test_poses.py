@@ -10,7 +10,7 @@ from foreign_logs import drive, rows
 from valid_logs import KINDS, as_log, valid
 
 from kmpc_lite.cli import main as cli
-from kmpc_lite.learn.poses import tell_poses
+from kmpc_lite.learn.loading import tell_poses
 
 TABLE = rows(drive(120.0, rate=50.0, noise=(0.002, 0.002)))
 

@@ -9,7 +9,7 @@ import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.learn.lag import AT_ONCE
 from kmpc_lite.learn.selection import select
-from kmpc_lite.model.dictionary.terms import TERMS
+from kmpc_lite.model.dictionary.response import TERMS
 
 TRIG = kl.HermiteTrigDictionary(0)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.noise import prediction_errors
-from kmpc_lite.model.noise_sources import design, design_across
+from kmpc_lite.learn.calibration import prediction_errors
+from kmpc_lite.model.noise_model import design, design_across
 
 LOGS = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"
 NEEDED = "needs the Norlab DRIVE logs in ../shared/data/norlab_drive"

@@ -6,7 +6,7 @@ from kmpc_lite.cli.main import main
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.lidar import LidarSpec
+from kmpc_lite.scenario.values import LidarSpec
 
 BASE = {"map": {"bounds": [-2, -2, 2, 2]}, "robot": {"start": [0, 0, 0], "goal": [1, 1, 0]}}
 

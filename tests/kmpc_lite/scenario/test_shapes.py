@@ -11,7 +11,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.gaps import obstacle_gaps
+from kmpc_lite.scenario.world import obstacle_gaps
 
 ROBOT = "[robot]\nradius = 0.15\nstart = [-1.0, -1.0, 0.0]\ngoal = [1.0, 1.0, 0.0]\n"
 

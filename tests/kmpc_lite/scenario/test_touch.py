@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 
 from kmpc_lite.control import Footprint, OccupancyGrid, Polygon, Wall
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.gaps import obstacle_gaps
 from kmpc_lite.scenario.touch import footprint_gaps
+from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
 CART = Footprint.rectangle(0.8, 0.3)

@@ -19,7 +19,7 @@ KINDS = ("rplidar", "ld06")
 @pytest.fixture(params=KINDS)
 def pair(request, tmp_path, monkeypatch):
     monkeypatch.setattr("firmware_bridge.sensors.lidar.lidar.SILENCE", 0.4)
-    monkeypatch.setattr("firmware_bridge.sensors.lidar.turns.RATE_AGE", 0.6)
+    monkeypatch.setattr("firmware_bridge.sensors.lidar.lidar.RATE_AGE", 0.6)
     with lidar_pair(request.param, tmp_path / "lidar") as both:
         both[0].connect(10.0)
         yield both

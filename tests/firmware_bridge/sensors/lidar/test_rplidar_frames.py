@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.sensors.lidar.rplidar_frames import (
+from firmware_bridge.sensors.lidar.rplidar import (
     CIRCLE,
     GET_HEALTH,
     GET_INFO,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from firmware_bridge.sensors.lidar.turns import LONGEST, Turns
+from firmware_bridge.sensors.lidar.lidar import LONGEST, Turns
 
 
 def spin(turns, began, took, count=100):

@@ -24,9 +24,9 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.sqp import keep_out
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.tracks import Follower, Tracks
+from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.model.dictionary import ResponseDictionary
-from kmpc_lite.model.dictionary.terms import terms_of
-from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.dictionary.response import terms_of
 from kmpc_lite.model.motion import ScaledModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.symmetric import find_trigonometry

@@ -14,7 +14,7 @@ from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.records import Around, Iterate
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, SLACK_SCALE, NavigationQP
 from kmpc_lite.control.nmpc.sqp import keep_out
-from kmpc_lite.model.linearization import Linearization
+from kmpc_lite.model.bilinear import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
 R = np.array([[0.5, 0.02], [0.02, 0.1]])
