@@ -13,29 +13,16 @@ import importlib
 import typing
 
 __version__ = "0.3.0.dev0"
-_IN_THE_LAB = {"DifferentialDrive", "generate_dataset"}
-_IN_THE_LAB |= {"bench", "peers", "report", "sim", "studies"}
-"""Names and packages that moved to the distribution kmpc-lab."""
 
 if typing.TYPE_CHECKING:
-    from kmpc_lite.api import *  # noqa: F403
+    from kmpc_lite.api import *
     from kmpc_lite.api import __all__ as __all__
-    from kmpc_lite.embedded import CompiledController as CompiledController
-    from kmpc_lite.embedded import CompiledPlan as CompiledPlan
-    from kmpc_lite.embedded import export as export
-    from kmpc_lite.learn import Accumulator as Accumulator
-    from kmpc_lite.learn import Dataset as Dataset
-    from kmpc_lite.learn import Episode as Episode
-    from kmpc_lite.learn import FitReport as FitReport
-    from kmpc_lite.learn import evaluate as evaluate
-    from kmpc_lite.learn import fit as fit
-    from kmpc_lite.learn import with_quantiles as with_quantiles
+    from kmpc_lite.embedded import *
+    from kmpc_lite.learn import *
 else:
 
     def __getattr__(name: str) -> typing.Any:
         """Import a public name."""
-        if name in _IN_THE_LAB:
-            raise AttributeError(f"kmpc_lite.{name} is kmpc_lab.{name} now: pip install kmpc-lab")
         private = name.startswith("_") and name != "__all__"
         api = None if private else importlib.import_module("kmpc_lite.api")
         if api is None or name not in ("__all__", *api.__all__):

@@ -3,22 +3,7 @@
 import importlib
 import typing
 
-from kmpc_lite.control import (
-    Circle,
-    Controller,
-    ControllerOptions,
-    Footprint,
-    GoalProgress,
-    GuidanceOptions,
-    LaserScan,
-    NavigationProblem,
-    ObstacleTracker,
-    OccupancyGrid,
-    Plan,
-    PlanStatus,
-    Polygon,
-    Wall,
-)
+from kmpc_lite.control import *
 from kmpc_lite.control.path.planner import Path, PathRequest, Planner
 from kmpc_lite.control.wheels import Car, Differential, Omni
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
@@ -32,16 +17,8 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_omni, nominal_unicycle
 
 if typing.TYPE_CHECKING:
-    from kmpc_lite.embedded import CompiledController, CompiledPlan, export
-    from kmpc_lite.learn import (
-        Accumulator,
-        Dataset,
-        Episode,
-        FitReport,
-        evaluate,
-        fit,
-        with_quantiles,
-    )
+    from kmpc_lite.embedded import *
+    from kmpc_lite.learn import *
 
 __all__ = [
     "Accumulator",
@@ -88,10 +65,8 @@ __all__ = [
     "with_quantiles",
 ]
 _LATER = {
-    "kmpc_lite.embedded": ("CompiledController", "CompiledPlan", "export"),
-    "kmpc_lite.learn": (
-        *("Accumulator", "Dataset", "Episode", "FitReport", "evaluate", "fit", "with_quantiles"),
-    ),
+    "kmpc_lite.embedded": "CompiledController CompiledPlan export".split(),
+    "kmpc_lite.learn": "Accumulator Dataset Episode FitReport evaluate fit with_quantiles".split(),
 }
 """Names that a robot which drives does not need: their modules are imported when they are."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import field, fields, replace
+from functools import partial
 from typing import Any, TypeVar
 
 from kmpc_lite.errors import ProblemError
@@ -12,49 +13,27 @@ from kmpc_lite.errors import ProblemError
 Options = TypeVar("Options")
 
 
-def radii(default: float, *, zero: bool = True) -> Any:
-    """Length in robot radii; may be zero unless excluded."""
-    return _number(default, "radii", zero)
+def _number(
+    unit: str, default: float, *, zero: bool = True, most: float = math.inf, whole: bool = True
+) -> Any:
+    """Finite number >= 0, or > 0, up to the most; without it if not the whole is allowed."""
+    limits = {"unit": unit, "zero": zero, "most": most, "whole": whole}
+    return field(default=default, metadata=limits)
 
 
-def metres(default: float, *, zero: bool = True) -> Any:
-    """Length that does not follow from the robot's [m]."""
-    return _number(default, "m", zero)
-
-
-def seconds(default: float, *, zero: bool = True) -> Any:
-    """Time of the robot that is its own unit [s]; another one takes `Scale.time` times as long."""
-    return _number(default, "s", zero)
-
-
-def clock_seconds(default: float, *, zero: bool = True) -> Any:
-    """Time by the clock [s], whatever the robot: what hangs on sensors and computers."""
-    return _number(default, "s by the clock", zero)
-
-
-def speed(default: float, *, zero: bool = True) -> Any:
-    """Speed [m/s]."""
-    return _number(default, "m/s", zero)
-
-
-def angle(default: float, *, zero: bool = True) -> Any:
-    """Angle [rad]."""
-    return _number(default, "rad", zero)
-
-
-def share(default: float, *, zero: bool = True) -> Any:
-    """Ratio of two values of the same unit."""
-    return _number(default, "1", zero)
-
-
-def part(default: float) -> Any:
-    """Share from 0 to 1."""
-    return _number(default, "1", True, most=1.0)
-
-
-def probability(default: float) -> Any:
-    """Probability between 0 and 1, neither of them."""
-    return _number(default, "1", False, most=1.0, whole=False)
+radii = partial(_number, "radii")
+"""Length in robot radii; may be zero unless excluded, as all that follow."""
+seconds = partial(_number, "s")
+"""Time of the robot that is its own unit [s]; another one takes `Scale.time` times as long."""
+clock_seconds = partial(_number, "s by the clock")
+"""Time by the clock [s], whatever the robot: what hangs on sensors and computers."""
+speed, angle = partial(_number, "m/s"), partial(_number, "rad")
+share = partial(_number, "1")
+"""Ratio of two values of the same unit."""
+part = partial(_number, "1", most=1.0)
+"""Share from 0 to 1."""
+probability = partial(_number, "1", zero=False, most=1.0, whole=False)
+"""Probability between 0 and 1, neither of them."""
 
 
 def shares(*default: float) -> Any:
@@ -75,14 +54,6 @@ def switch(default: bool) -> Any:
 def group(default: Any) -> Any:
     """Options of their own."""
     return field(default=default, metadata={"unit": "group", "kind": type(default)})
-
-
-def _number(
-    default: float, unit: str, zero: bool, most: float = math.inf, whole: bool = True
-) -> Any:
-    """Finite number >= 0, or > 0, up to the most; without it if not the whole is allowed."""
-    limits = {"unit": unit, "zero": zero, "most": most, "whole": whole}
-    return field(default=default, metadata=limits)
 
 
 def check(options: Any) -> None:

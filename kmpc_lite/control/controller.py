@@ -26,8 +26,8 @@ from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.world.scene import Obstacles
+from kmpc_lite.model.file import Ramps
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:

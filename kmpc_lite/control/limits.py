@@ -15,8 +15,8 @@ from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary
+from kmpc_lite.model.file import Ramps
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import INPUTS, STATES, Array
 
 ROUNDING = 1.0 + 1e-9

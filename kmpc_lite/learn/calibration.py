@@ -21,9 +21,9 @@ from kmpc_lite.learn.dataset import Dataset, Pieces
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.learn.regression import least_squares
 from kmpc_lite.model.arguments import speeds, windows
+from kmpc_lite.model.file import Ramps
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel, NoiseSources, design, design_across
-from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.model.tube import tube_memory, window_deviations
 from kmpc_lite.types import STATES, Array
 

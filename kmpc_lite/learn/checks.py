@@ -18,9 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.lag import LONGEST, aligned, mean_delay
-from kmpc_lite.learn.logs import Log
+from kmpc_lite.learn.lag import LONGEST
+from kmpc_lite.learn.logs import ALIKE, ANGLE, Log, reread
 from kmpc_lite.learn.motion import DEGREES, GOOD, TIMES, Match, Motion, gather, match, moving_sum
 
 OFFSET, SURE = 25.0, 4.0
@@ -28,32 +27,14 @@ OFFSET, SURE = 25.0, 4.0
 it sure."""
 PERIODS = (1e-4, 5.0)
 """Time between two rows of any log [s]."""
-UNIT, USUAL, OF_SHARES = 1.3, (0.25, 4.0), (0.1, 10.0)
-"""A factor is that of a unit within such a factor; factors that a robot may have of its own: slip,
-gears, a turn that skids; and one whose commands are shares of what its motors can do."""
+USUAL, OF_SHARES = (0.25, 4.0), (0.1, 10.0)
+"""Factors that a robot may have of its own: slip, gears, a turn that skids; and one whose commands
+are shares of what its motors can do."""
 AHEAD, LATE, TOO_LATE = 0.5, 2.5, 1.2
 """So much before, and after, its command a motion is of another clock [s]; one that comes later
 than so many times what a model can know is refused."""
 TURNED = 1.0
 """Headings that a robot has taken whose x and y must both have changed [rad]."""
-SPEEDS = {"mm/s": 1e-3, "cm/s": 1e-2}
-LENGTHS_OF = {
-    1e3: ("--units x=mm y=mm", "the path is a thousand times as long as v says: x and y are in mm"),
-    1e2: ("--units x=cm y=cm", "the path is a hundred times as long as v says: x and y are in cm"),
-    1e-2: ("--units v=cm/s", "the path is a hundredth of what v says: v is in cm/s"),
-    1e-3: ("--units v=mm/s", "the path is a thousandth of what v says: v is in mm/s"),
-}
-TURNS_OF = {
-    DEGREES: ("--units omega=deg/s", "about pi / 180: omega is in degrees a second"),
-    np.pi / 30.0: ("--units omega=rpm", "about pi / 30: omega is in rpm"),
-    1.0 / DEGREES: ("--units theta=deg", "about 180 / pi: theta is in degrees"),
-    1e3: ("--units theta=mrad", "about 1000: theta is in mrad"),
-}
-"""Options and reasons by factors of the speed, and of turns."""
-
-
-def _is_unit(factor: float, unit: float) -> bool:
-    return unit / UNIT < factor < unit * UNIT
 
 
 @dataclass(frozen=True)
@@ -68,28 +49,40 @@ class Case:
     """Turns under that reading."""
     sign: int
     """Of theta, that fits."""
-    degrees: bool
-    """Whether theta fits as degrees."""
+    scale: float
+    """Of theta, that fits: 1, or that of degrees; where it was read in those, of radians."""
+    mapped: bool
+    """Whether an omni's speeds fit as those along the map's axes."""
 
     @classmethod
     def of(cls, log: Log, motion: Motion) -> Case:
         """Choose the reading of theta that fits: the given one, unless another is far better."""
         moves, turns = {}, {}
-        for sign, as_degrees in product((1, -1), (False, True)):
-            steps, turned = motion.turned(sign, as_degrees)
-            moves[sign, as_degrees] = match(motion, steps, motion.asked[:, 0])
-            turns[sign, as_degrees] = match(motion, turned, motion.asked[:, 1].real)
+        read = ANGLE.get(log.units.get("theta", "rad").strip("-"), 1.0)
+        other = DEGREES if read == 1.0 else 1.0 / read
+        for sign, scale in product((1, -1), (1.0, other)):
+            steps, turned = motion.turned(sign, scale)
+            moves[sign, scale] = match(motion, steps, motion.asked[:, 0])
+            turns[sign, scale] = match(motion, turned, motion.asked[:, 1].real)
         best = max(moves, key=lambda key: moves[key].share)
-        sign, as_degrees = best if moves[1, False].loses_to(moves[best].share) else (1, False)
-        if as_degrees and not moves[sign, False].loses_to(moves[best].share):
-            as_degrees = False
-        plain, other = turns[1, False], turns[1, True]
-        if other.sure and plain.loses_to(other.share):
-            as_degrees = True
-        if not moves[best].sure and plain.sure and _is_unit(abs(plain.factor), 1.0 / DEGREES):
-            as_degrees = True
-        key = (sign, as_degrees)
-        return cls(log, motion, moves[key], turns[key], sign, as_degrees)
+        sign, scale = best if moves[1, 1.0].loses_to(moves[best].share) else (1, 1.0)
+        if scale != 1.0 and not moves[sign, 1.0].loses_to(moves[best].share):
+            scale = 1.0
+        plain, else_ = turns[1, 1.0], turns[1, other]
+        if else_.sure and plain.loses_to(else_.share):
+            scale = other
+        if (
+            not moves[best].sure
+            and plain.sure
+            and 1.0 < ALIKE * abs(plain.factor) * other < ALIKE**2
+        ):
+            scale = other
+        mapped = False
+        if np.iscomplexobj(motion.asked) and moves[1, 1.0].loses_to(moves[best].share):
+            steps = np.where(motion.whole, motion.steps, 0.0)
+            mapped = match(motion, steps, motion.asked[:, 0]).share > 0.9 * moves[best].share
+        key = (sign, scale)
+        return cls(log, motion, moves[key], turns[key], sign, scale, mapped)
 
     @property
     def period(self) -> float:
@@ -114,7 +107,7 @@ class Case:
         """
         motion, best = self.motion, self.moves
         late = max(0, round(best.lag))
-        steps = motion.turned(self.sign, self.degrees)[0][late:]
+        steps = motion.turned(self.sign, self.scale)[0][late:]
         asked = np.where(motion.whole[:, None], motion.asked, 0.0)[: len(motion.asked) - late]
         x = np.column_stack([moving_sum(column, best.length) for column in asked.T])
         y = moving_sum(steps, best.length)
@@ -129,17 +122,22 @@ class Case:
         spread = np.sqrt(np.vdot(left, left).real * inverse[0, 0] / count)
         return float(np.angle(weights[0])), float(spread / max(abs(weights[0]), 1e-300))
 
+    def unit(self, column: str, factor: float = 1.0, offset: float = 0.0) -> str | None:
+        """Option that makes of a column `factor` times what it was, and an offset more [rad]."""
+        told = reread(column, self.log.units.get(column), factor, offset)
+        return told and f"{column}={told}"
+
     @property
     def theta_unit(self) -> str:
-        """What --units theta= is to be."""
+        """What mends theta."""
         offset = degrees(self.offset[0]) if self.moves.sure else 0.0
         turned = self.sign < 0 and not self.mirrored_path
-        unit = ("-" if turned else "") + ("deg" if self.degrees else "rad")
-        if abs(offset) < OFFSET or (not turned and self.sign < 0):
-            return unit
-        near = 90.0 * round(offset / 90.0)
-        angle = near if abs(offset - near) < 20.0 else offset
-        return unit + (f"{angle:+.0f}" if self.degrees else f"{radians(angle):+.4f}")
+        angle = 0.0
+        if abs(offset) >= OFFSET and (turned or self.sign > 0):
+            near = 90.0 * round(offset / 90.0)
+            angle = near if abs(offset - near) < 20.0 else offset
+        told = self.unit("theta", -self.scale if turned else self.scale, radians(angle))
+        return f"--units {told}"
 
     @property
     def early(self) -> float:
@@ -178,13 +176,14 @@ def _time_unit(case: Case) -> str | None:
     return f"{told}: t is hardly in s; --units t=..."
 
 
-def _theta_in_degrees(case: Case) -> str | None:
-    """Headings that make sense as degrees only."""
-    if not case.degrees:
+def _theta_unit(case: Case) -> str | None:
+    """Headings that make sense in another unit only."""
+    if case.scale == 1.0:
         return None
+    unit = "degrees" if case.scale < 1.0 else "radians"
     return (
-        "theta is in degrees: the robot moves along it, and turns as commanded, only if read so; "
-        f"--units theta={case.theta_unit}"
+        f"theta is in {unit}: the robot moves along it, and turns as commanded, only if read so; "
+        f"{case.theta_unit}"
     )
 
 
@@ -193,7 +192,8 @@ def _unrelated(case: Case) -> str | None:
     seen = [m for m in (case.moves, case.turns) if m.chance < 1.0]
     # who always drives ahead is explained by that alone, whatever the commands were
     lost = case.turns.absent and np.ptp(np.unwrap(case.motion.theta)) > TURNED
-    if not (lost or (seen and all(m.absent for m in seen))) or _clocks_differ(case):
+    lost = lost or bool(seen and all(m.absent for m in seen))
+    if not lost or _clocks_differ(case):
         return None
     shares = (f"{100.0 * max(m.share, 0.0):.0f} %" for m in (case.moves, case.turns))
     return (
@@ -212,19 +212,18 @@ def _mirrored(case: Case) -> str | None:
     if not case.mirrored_path:
         compass = ": a compass's, clockwise from north" if 60.0 < offset < 120.0 else ""
         return (
-            f"theta turns the other way than the path: it is clockwise{compass}; "
-            f"--units theta={case.theta_unit}"
+            f"theta turns the other way than the path: it is clockwise{compass}; {case.theta_unit}"
         )
     what, option = {
-        0: ("y has the other sign", "--units y=-m"),
-        2: ("x has the other sign", "--units x=-m"),
+        0: ("y has the other sign", f"--units {case.unit('y', -1.0)}"),
+        2: ("x has the other sign", f"--units {case.unit('x', -1.0)}"),
     }.get(round(offset / 90.0) % 4, ("x and y are exchanged", "--frame swapped"))
     return f"the path is seen in a mirror, though theta turns as commanded: {what}; {option}"
 
 
 def _rotated(case: Case) -> str | None:
     """The motion goes aside of the heading by a fixed angle."""
-    if case.sign < 0 or not case.moves.sure or case.degrees:
+    if case.sign < 0 or not case.moves.sure or case.scale != 1.0:
         return None
     offset, error = case.offset
     plain = np.angle(case.moves.factor)
@@ -233,13 +232,14 @@ def _rotated(case: Case) -> str | None:
     if abs(degrees(offset)) <= 180.0 - OFFSET:
         return (
             f"the robot drives {degrees(offset):+.0f} degrees off theta, always: theta is not the "
-            f"direction of its nose; --units theta={case.theta_unit}"
+            f"direction of its nose; {case.theta_unit}"
         )
     if not case.moves._replace(share=case.moves.reverse).loses_to(case.moves.share):
         return None
     return (
-        "v > 0 drives backwards, against theta: v has the other sign (--units v=-m/s), or "
-        "theta is off by half a turn (--units theta=rad+3.1416)"
+        "v > 0 drives backwards, against theta: v has the other sign (--units "
+        f"{case.unit('v', -1.0)}), or theta is off by half a turn (--units "
+        f"{case.unit('theta', 1.0, np.pi)})"
     )
 
 
@@ -249,9 +249,14 @@ def _turns_the_other_way(case: Case) -> str | None:
     backwards = case.sign > 0 and turns.sure and turns.factor.real <= 0.0
     if not backwards or not turns._replace(share=turns.reverse).loses_to(turns.share):
         return None
+    if case.log.wheel_speeds:
+        return (
+            "the robot turns to the side whose wheel is faster: left and right are exchanged; "
+            "--columns left=... right=..."
+        )
     return (
         "omega > 0 lowers theta: either the poses are x north, y east, theta clockwise "
-        "(--frame ned), or omega is clockwise (--units omega=-rad/s)"
+        f"(--frame ned), or omega is clockwise (--units {case.unit('omega', -1.0)})"
     )
 
 
@@ -268,10 +273,9 @@ def _both_units(case: Case) -> str | None:
             f"the robot moves and turns by {by:.3g} of what v and omega say: t, or both of them, "
             "are in another unit (--units t=... or v=... omega=...)"
         )
-    named = next(
-        (f"{u}: --units left={u} right={u}" for u, s in SPEEDS.items() if _is_unit(by, s)),
-        "--units left=rpm right=rpm --wheel-radius M, or left=rad/s, or what it is",
-    )
+    named = "--units left=rpm right=rpm --wheel-radius M, or left=rad/s, or what it is"
+    if by < 0.1 and (told := reread("v", None, by)):
+        named = f"{told}: --units left={told} right={told}"
     return (
         f"the wheels run {by:.3g} m for each unit of left and right in a second: they are not "
         f"in m/s; {named}"
@@ -282,21 +286,21 @@ def _length_unit(case: Case) -> str | None:
     """Steps are another size than v gives, turns are not."""
     if not case.moves.sure or case.is_usual(case.moves) or _time_unit(case) or _both_units(case):
         return None
-    by, headers, wheels = abs(case.moves.factor), case.log.header_units, case.log.wheel_speeds
-    sides = [n for n in ("x", "y") if n in headers]
-    if sides and case.turns.sure and case.is_usual(case.turns):
-        told = f"{', '.join(sides)} in {headers[sides[0]]}"
-        other = "" if wheels else ", or v is in another unit (--units v=...)"
-        return (
-            f"the path is {by:.3g} times as long as v says: the header has {told}, which they "
-            f"hardly are: --units x=m y=m{other}"
-        )
-    for unit, (option, reason) in LENGTHS_OF.items():
-        if _is_unit(by, unit) and not wheels:
-            return f"{reason} (factor {by:.3g}); {option}"
+    by, told, wheels = abs(case.moves.factor), case.log.units, case.log.wheel_speeds
+    longer = f"the path is {by:.3g} times as long as v says"
+    sides = [f"{case.unit(n, 1.0 / by)}" for n in "xy"]
+    speed = None if wheels else case.unit("v", by)
+    read = [f"{n} was read in {told[n]}" for n in ("x", "y", "v") if n in told]
+    if read and "None" not in sides and case.turns.sure and case.is_usual(case.turns):
+        other = f", or --units {speed}" if speed else ""
+        return f"{longer}: {', '.join(read)}; --units {' '.join(sides)}{other}"
+    unit, what = (sides[0], "x and y are") if by > 1.0 else (speed or "None", "v is")
+    if unit != "None" and not wheels and not read:
+        option = " ".join(sides) if by > 1.0 else unit
+        return f"{longer}: {what} in {unit.partition('=')[2]}; --units {option}"
     return (
-        f"the path is {by:.3g} times as long as v says: expected m and m/s (longitude and latitude "
-        "are neither); --units x=... y=... v=..."
+        f"{longer}: expected m and m/s (longitude and latitude are neither); --units x=... y=... "
+        "v=..."
     )
 
 
@@ -307,12 +311,15 @@ def _turn_unit(case: Case) -> str | None:
         return None
     if _time_unit(case) or _both_units(case):
         return None
-    told = f"turns come out at {abs(turns.factor):.3g} of omega"
-    for unit, (option, reason) in TURNS_OF.items():
-        if _is_unit(abs(turns.factor), unit) and not (case.degrees and unit > 1.0):
-            return f"{told}, {reason}; {option}"
+    by = abs(turns.factor)
+    told = f"turns come out at {by:.3g} of omega"
     if case.log.wheel_speeds:
         return f"{told}, moves at {abs(case.moves.factor):.3g} of v: is --track right, in m?"
+    # steps along theta tell that it is read as it should be
+    if (unit := case.unit("omega", by)) and (case.moves.sure or by < 1.0):
+        return f"{told}: it is in {unit.partition('=')[2]}; --units {unit}"
+    if case.scale == 1.0 and (unit := case.unit("theta", 1.0 / by)):
+        return f"{told}: theta is in {unit.partition('=')[2]}; --units {unit}"
     return f"{told}: expected rad/s (deg/s: 0.0175, rpm: 0.105); --units omega=... theta=..."
 
 
@@ -331,7 +338,7 @@ def _clocks_differ(case: Case) -> str | None:
 
 CHECKS: tuple[Callable[[Case], str | None], ...] = (
     _time_unit,
-    _theta_in_degrees,
+    _theta_unit,
     _unrelated,
     _mirrored,
     _rotated,
@@ -377,6 +384,8 @@ def judge(log: Log) -> LogVerdict:
     if motion is None:  # too short, or without overlap: cutting it into episodes says so
         return LogVerdict(())
     case = Case.of(log, motion)
+    if case.mapped:
+        return LogVerdict((ALONG_THE_MAP,))
     if suspects := tuple(reason for check in CHECKS if (reason := check(case))):
         return LogVerdict(suspects, case.delay)
     notes = [
@@ -424,6 +433,10 @@ def refuse_late(name: str, delay: float, dt: float) -> None:
         )
 
 
+ALONG_THE_MAP = (
+    "v and lateral are speeds along the map's x and y: expected those ahead of the robot and to "
+    "its left, as commanded (--columns v=... omega=...)"
+)
 NEVER_MOVES = (
     "the poses never move though the commands do, so the log does not excite the model: expected "
     "x, y, theta of the driving robot"
@@ -450,42 +463,3 @@ def _find_still(log: Log) -> str | None:
     if still[2] and asked[1] > 0.0:
         return f"theta never changes though omega is asked for and the robot moves: {meant}"
     return None
-
-
-def refuse_frozen(dataset: Dataset) -> None:
-    """Raise DataError for a log whose poses never move though commands are given."""
-    moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
-    if moved <= 1e-9 < float(np.abs(dataset.inputs).max(initial=0.0)):
-        raise DataError(NEVER_MOVES)
-
-
-SLOW, TURNING, SPOT, FEWEST, FOLLOWS = 0.1, 0.3, 1.0, 3, 0.2
-"""Share of the largest speed below which a robot counts as standing; of the largest turn rate above
-which it is commanded to turn; length of a stretch that shows a turn on the spot [s]; stretches that
-are needed; share of its usual turn gain below which a robot does not turn on the spot."""
-
-
-def refuse_car_like(dataset: Dataset) -> None:
-    """Raise DataError for a robot that is told to turn on the spot and does not, however late."""
-    delay = mean_delay(dataset)
-    answered = aligned(dataset, delay) if delay else dataset
-    length = max(1, round(SPOT / dataset.dt))
-    states, _, inputs = answered.every_piece(length, stride=length)
-    asked, turned = inputs[..., -1].sum(axis=1) * dataset.dt, states[:, -1, 2] - states[:, 0, 2]
-    speeds = np.abs(inputs[..., 0]).max(axis=1)
-    v_max = speeds.max(initial=0.0)
-    turning = np.abs(asked) > TURNING * np.abs(asked).max(initial=0.0)
-    on_the_spot = turning & (speeds < SLOW * v_max)
-    driving = turning & (speeds > 3.0 * SLOW * v_max)
-    if min(on_the_spot.sum(), driving.sum()) < FEWEST:
-        return
-    spot, usual = (
-        float(asked[rows] @ turned[rows] / (asked[rows] @ asked[rows]))
-        for rows in (on_the_spot, driving)
-    )
-    if abs(usual) > 0.05 and abs(spot) < FOLLOWS * abs(usual):
-        raise DataError(
-            "this robot does not turn on the spot: commanded to, it turns by "
-            f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. It is a "
-            "car: its log needs the steering angle (column steering) instead of a turn rate"
-        )

@@ -6,8 +6,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import fit_noise, with_noise
+from kmpc_lite.learn.checks import NEVER_MOVES
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.lag import aligned, mean_delay
 from kmpc_lite.learn.regression import Accumulator, Method, wants_symmetry
@@ -16,6 +19,43 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import UNMODELLED_DELAY
 
 Lags = Literal["auto"] | Sequence[int] | None
+SLOW, TURNING, SPOT, FEWEST, FOLLOWS = 0.1, 0.3, 1.0, 3, 0.2
+"""Share of the largest speed below which a robot counts as standing; of the largest turn rate above
+which it is commanded to turn; length of a stretch that shows a turn on the spot [s]; stretches that
+are needed; share of its usual turn gain below which a robot does not turn on the spot."""
+
+
+def refuse_frozen(dataset: Dataset) -> None:
+    """Raise DataError for a log whose poses never move though commands are given."""
+    moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
+    if moved <= 1e-9 < float(np.abs(dataset.inputs).max(initial=0.0)):
+        raise DataError(NEVER_MOVES)
+
+
+def refuse_car_like(dataset: Dataset) -> None:
+    """Raise DataError for a robot that is told to turn on the spot and does not, however late."""
+    delay = mean_delay(dataset)
+    answered = aligned(dataset, delay) if delay else dataset
+    length = max(1, round(SPOT / dataset.dt))
+    states, _, inputs = answered.every_piece(length, stride=length)
+    asked, turned = inputs[..., -1].sum(axis=1) * dataset.dt, states[:, -1, 2] - states[:, 0, 2]
+    speeds = np.abs(inputs[..., 0]).max(axis=1)
+    v_max = speeds.max(initial=0.0)
+    turning = np.abs(asked) > TURNING * np.abs(asked).max(initial=0.0)
+    on_the_spot = turning & (speeds < SLOW * v_max)
+    driving = turning & (speeds > 3.0 * SLOW * v_max)
+    if min(on_the_spot.sum(), driving.sum()) < FEWEST:
+        return
+    spot, usual = (
+        float(asked[rows] @ turned[rows] / (asked[rows] @ asked[rows]))
+        for rows in (on_the_spot, driving)
+    )
+    if abs(usual) > 0.05 and abs(spot) < FOLLOWS * abs(usual):
+        raise DataError(
+            "this robot does not turn on the spot: commanded to, it turns by "
+            f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. It is a "
+            "car: its log needs the steering angle (column steering) instead of a turn rate"
+        )
 
 
 def fit(
@@ -138,7 +178,6 @@ def _fit_chosen(
 ) -> KoopmanModel:
     """Fit what the log supports, behind the ramps that it shows."""
     # here, for a robot that drives needs none of it
-    from kmpc_lite.learn.checks import refuse_car_like, refuse_frozen
     from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
     from kmpc_lite.learn.selection import build_model, select
 

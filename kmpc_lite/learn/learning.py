@@ -14,7 +14,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_noise, with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
-from kmpc_lite.learn.fitting import Lags, fit
+from kmpc_lite.learn.fitting import Lags, fit, refuse_car_like
 from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method
@@ -26,8 +26,8 @@ from kmpc_lite.model.dictionary import (
     dictionary_from_config,
     dictionary_to_config,
 )
+from kmpc_lite.model.file import Ramps
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import STATES
 
 GAINS = (0.1, 10.0)
@@ -96,8 +96,6 @@ def learn(
     # half of the turns on the spot may be too few to tell
     log, ramps = data, Ramps.of({})
     if options.lags:
-        from kmpc_lite.learn.checks import refuse_car_like
-
         refuse_car_like(data)
         ramps = find_ramps(data)
     data = let_through(log, ramps)

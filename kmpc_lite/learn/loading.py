@@ -16,9 +16,10 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import wrap
-from kmpc_lite.learn.checks import LogVerdict, judge, refuse_car_like, refuse_late, tell_delay
+from kmpc_lite.learn.checks import LogVerdict, judge, refuse_late, tell_delay
 from kmpc_lite.learn.cutting import GAP, cut, even_stamps, model_period
 from kmpc_lite.learn.dataset import Dataset, Episode, check_time
+from kmpc_lite.learn.fitting import refuse_car_like
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions, Series
 from kmpc_lite.learn.motion import speeds_of

@@ -47,7 +47,16 @@ WORDS = {
     **{"radian": "rad", "radians": "rad", "rads": "rad"},
 }
 WHOLE = {
-    **{"mps": "m/s", "ips": "in/s", "fps": "ft/s", "kph": "km/h", "kmh": "km/h", "kmph": "km/h"},
+    **{
+        "mps": "m/s",
+        "cmps": "cm/s",
+        "mmps": "mm/s",
+        "ips": "in/s",
+        "fps": "ft/s",
+        "kph": "km/h",
+        "kmh": "km/h",
+        "kmph": "km/h",
+    },
     **{"degps": "deg/s", "dps": "deg/s", "radps": "rad/s", "rev/min": "rpm", "knots": "kn"},
 }
 """Other spellings, of parts of units and of whole ones."""
@@ -69,6 +78,8 @@ def spelled(text: str) -> str:
 LARGEST = 1e9
 """Largest number of a pose or a command [m, rad, m/s, rad/s]: differences of larger ones are lost
 to rounding, and their squares overflow."""
+ALIKE = 1.3
+"""Factor within which a size is that of a unit."""
 FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
 
 
@@ -113,6 +124,30 @@ def _parse_unit(column: str, text: str) -> Unit:
         such = "deg, -rad or -deg+90" if column == "theta" else f"{list(known)[1]} or -0.5"
         raise DataError(f"units: {column}={text}: expected a unit such as {such}{hint}")
     return Unit(-size if found["sign"] else size, float(found["offset"] or 0.0) * size)
+
+
+def reread(column: str, text: str | None, factor: float, offset: float = 0.0) -> str | None:
+    """Unit that makes of a column `factor` times what it was, and an offset more [SI].
+
+    `text`: by which it was read; SI if not given. Gives None if no unit that is known does.
+
+    Examples
+    --------
+    >>> reread("v", "mm/s", 990.0), reread("theta", "deg", -1.0, pi / 2.0), reread("y", None, 7.0)
+    ('m/s', '-deg+90', None)
+    """
+    sizes = KNOWN[column]
+    scale, before = (1.0, 0.0) if text is None else _parse_unit(column, text)
+    size = abs(factor * scale)
+    off, name = min((abs(np.log(known / size)), name) for name, known in sizes.items())
+    if off > np.log(ALIKE):
+        if abs(factor) != 1.0:
+            return None
+        name = f"{size:.6g}"  # as it was given
+    size = sizes.get(name, size)
+    turned = (np.sign(factor) * before + offset) / size
+    told = f"{turned:+.{0 if size < 0.1 else 4}f}" if abs(turned) > 1e-3 else ""
+    return ("-" if factor * scale < 0.0 else "") + name + told
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +195,8 @@ class Log:
     """What the numbers of a command are: v and omega; v, lateral and omega; v and steering..."""
     steered: bool = False
     """Whether the commands are a car's: turn rates are speeds times the curvature of its wheels."""
-    header_units: Mapping[str, str] = field(default_factory=dict)
-    """Units that the file's own header gave, by our names."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units by which columns were read, by our names: the header's, or the user's."""
     wheel_speeds: bool = False
     """Whether v and omega were made of the speeds of a left and a right wheel."""
     geometry: Mapping[str, float] = field(default_factory=dict)
@@ -233,8 +268,8 @@ def correct(log: Log, options: ReadOptions) -> Log:
         poses = replace(poses, values=np.column_stack([y, x, heading]))
     commands = in_units(log.commands, log.columns, options.units)
     commands = replace(commands, time=commands.time + options.shift)
-    together = log.together and options.shift == 0.0
-    return replace(log, poses=poses, commands=commands, together=together)
+    together, units = log.together and options.shift == 0.0, {**log.units, **options.units}
+    return replace(log, poses=poses, commands=commands, together=together, units=units)
 
 
 def in_units(series: Series, names: tuple[str, ...], given: Mapping[str, str]) -> Series:

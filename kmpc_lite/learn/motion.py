@@ -54,9 +54,9 @@ class Motion:
     change: float
     """Rows in which the commands change: windows closer than this are not independent."""
 
-    def turned(self, sign: int, in_degrees: bool) -> tuple[Array, Array]:
+    def turned(self, sign: int, scale: float) -> tuple[Array, Array]:
         """Steps seen from the robot, complex, and turns, under one reading of theta."""
-        theta = sign * self.theta * (DEGREES if in_degrees else 1.0)
+        theta = sign * scale * self.theta
         turns = wrap(np.diff(theta))
         facing = np.exp(-1j * (theta[:-1] + 0.5 * turns))
         return np.where(self.whole, self.steps * facing, 0.0), np.where(self.whole, turns, 0.0)

@@ -17,8 +17,8 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.lag import BLOCKS, CHANCE, LONGEST, WINDOW, Motor, Response, is_sure
 from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.dictionary.response import driven_by_ramps, held_curvatures
+from kmpc_lite.model.file import FREE, Ramps
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import Array
 
 RAMP_PARTS = 5

@@ -14,8 +14,8 @@ from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.learn.lag import Response
 from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.model.dictionary.response import evaluate_terms
+from kmpc_lite.model.file import Ramps
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import Ramps
 
 DIRECTIONS = ("along", "across", "in heading")
 BETTER, WORSE = 1.25, 1.02

@@ -268,7 +268,7 @@ class KoopmanModel:
             If the file cannot be written, or `info` or the dictionary's configuration is not
             JSON.
         """
-        from kmpc_lite.model.npz import save_model
+        from kmpc_lite.model.file import save_model
 
         save_model(self, path)
 
@@ -290,6 +290,6 @@ class KoopmanModel:
         ModelError
             For a file that is missing, damaged, not a model, or from a newer version.
         """
-        from kmpc_lite.model.npz import load_model
+        from kmpc_lite.model.file import load_model
 
         return load_model(path, dictionary)

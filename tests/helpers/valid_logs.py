@@ -210,7 +210,6 @@ MM_PATH = _all(_times("x", MM), _times("y", MM))
 NED = _all(_columns([0, 2, 1, 3, 4, 5]), _times("theta", -1.0), _turned(0.5 * np.pi))
 WRONG: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "ms": (_times("t", 1e3), "--units t=ms"),
-    "us": (_times("t", 1e6), "--units t=us"),
     "ns": (_times("t", 1e9), "--units t=ns"),
     "mm": (MM_PATH, "--units x=mm y=mm"),
     "cm": (_all(_times("x", 100.0), _times("y", 100.0)), "--units x=cm y=cm"),

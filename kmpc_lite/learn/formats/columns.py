@@ -24,26 +24,26 @@ WAYS = {
 }
 """Columns that say the same; the first of which all are there are taken."""
 _PLACE = "position_{0} pos_{0} translation_{0} pose_{0} r_{0}"
-_WHEEL = "v_{1} {0}_v v{1} cmd_{0} | " + " ".join(
-    f"{{0}}{of}_{what}" for of in ("", "_wheel") for what in ("speed", "vel", "velocity")
+_WHEEL = "v_{1} {0}_v v{1} cmd_{1} v_{0} v{0} speed_{0} vel_{0} | " + " ".join(
+    f"{{0}}{of}_{what}" for of in ("", "_wheel", "_motor") for what in ("speed", "vel", "velocity")
 )
 _TOLD = {
-    "t": "time stamp timestamp secs sec seconds time_stamp ts elapsed "
+    "t": "time stamp timestamp secs sec seconds time_stamp ts elapsed datetime date_time date "
     "| header_stamp timestamp time",
     "x": "px tx pos_x x_pos east easting | " + _PLACE.format("x"),
     "y": "py ty pos_y y_pos north northing | " + _PLACE.format("y"),
     "theta": "yaw heading psi th phi angle orientation azimuth | theta yaw heading",
-    "v": "cmd_v v_cmd u_v v_ref cmd_vel linear speed velocity vel vx v_x cmd_vx vx_cmd "
-    "| linear_x lin_vel linear_velocity lin_x v motor_speed erpm",
-    "omega": "cmd_omega omega_cmd cmd_w w_cmd w wz angular yaw_rate yawrate turn_rate cmd_yaw_rate "
-    "omega_ref u_omega u_w | angular_z ang_vel angular_velocity ang_z omega yaw_rate",
+    "v": "u_v linear speed velocity vel vx v_x | linear_x lin_vel linear_velocity linear_vel "
+    "vel_linear lin_x v motor_speed erpm",
+    "omega": "w wz angular yaw_rate yawrate turn_rate u_omega u_w | angular_z ang_vel "
+    "angular_velocity angular_vel vel_angular ang_z omega yaw_rate",
     "steering": "steering_angle delta steer steer_angle servo_angle drive_steering_angle "
     "| steering_angle steering delta",
-    "curvature": "kappa curv cmd_curvature u_kappa | curvature kappa",
+    "curvature": "kappa curv u_kappa | curvature kappa",
     "servo": "servo_position servo_pos servo1_raw servo_output rcou_c1 steering_pwm "
     "| servo_position servo servo1_raw servo_position_data",
     CAR_OMEGA: "|",
-    "lateral": "v_y vy cmd_vy vy_cmd lateral_speed lateral_velocity linear_y | linear_y lateral",
+    "lateral": "v_y vy lateral_speed lateral_velocity linear_y | linear_y lateral",
     "lat": "latitude gps_lat | latitude lat",
     "lon": "longitude lng long gps_lon | longitude lon lng",
     "left": _WHEEL.format("left", "l") + " left_wheel wheel_left",
@@ -53,12 +53,15 @@ _TOLD = {
 NAMES = {ours: tuple(part.split() for part in told.split("|")) for ours, told in _TOLD.items()}
 """How other tools call a column, in lower case with underscores: whole names, last words of longer
 ones (``pose.pose.position.x``). Those of other robots are added here, in `KNOWN` and in `WAYS`."""
-COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
-"""Words that tell a command from a measured speed."""
+COMMANDED = ("cmd", "command", "commanded", "target", "setpoint")
+"""Words that tell a command from a measured speed, ..."""
+WANTED = (*COMMANDED, "desired", "ref", "reference")
+"""... and those that may tell it from what a path was to be driven at."""
 LONGEST_NAME = 100
 """Most characters of a column's name that are searched for a unit."""
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
-SUFFIX = re.compile(r"_(?P<unit>ns|us|ms|sec|deg|rad|mm|cm|mps|rpm|degps|dps|radps|kmh|kph)$")
+SUFFIXES = "ns us ms sec deg rad mm cm mps rpm degps dps radps kmh kph".split()
+"""Units without brackets, whatever they stand behind; others count where they fit the column."""
 
 
 @dataclass(frozen=True)
@@ -118,12 +121,15 @@ def find_columns(
         if name not in NAMES:
             raise DataError(f"columns: expected one of {', '.join(NAMES)}, got {name!r}")
     there = {n: places for n in NAMES if (places := _places(file, header, n, chosen))}
-    commands = _way("command", there)
-    if commands == ("v", "omega") and "lateral" in there:
+    speeds = {n for way in WAYS["command"] for n in (*way, "lateral")}
+    sure = {} if speeds & chosen.keys() else _commanded(header, speeds)
+    commands = _way("command", sure or there)
+    if commands == ("v", "omega") and "lateral" in (sure or there):
         commands = ("v", "lateral", "omega")
     wanted = ("t", *_way("position", there), *_way("heading", there)) if poses else ("t", *commands)
     every = tuple(dict.fromkeys((*wanted, *commands)))
     missing = [name for name in wanted if name not in there]
+    there |= {n: [k] for n, k in sure.items()}
     doubled = [name for name in every if len(there.get(name, ())) > 1]
     if missing or doubled:
         told = [f"{', '.join(missing)} missing"] if missing else []
@@ -162,39 +168,67 @@ def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, s
         raise DataError(told + (hint or f"; it has {listed(header)}"))
     if exact := [k for k, theirs in enumerate(header) if theirs == name]:
         return exact
-    plain = [_plain(theirs) for theirs in header]
+    return _meant(name, list(enumerate(header)))
+
+
+def _meant(name: str, columns: Sequence[tuple[int, str]]) -> list[int]:
+    """Numbers of the columns that `name` may mean by what they are called."""
     whole, endings = NAMES[name]
-    for alias in (name, *whole):
-        if places := [k for k, theirs in enumerate(plain) if theirs == alias]:
-            return places
-    for ending in endings:
-        if places := [k for k, theirs in enumerate(plain) if f"_{theirs}".endswith(f"_{ending}")]:
-            sure = [k for k in places if _is_commanded(plain[k])]
-            return sure if len(sure) == 1 and name in WAYS["command"][0] else places
+    told = {k: _plain(theirs, name)[0] for k, theirs in columns}
+    is_pose = any(name in way for kind in ("position", "heading") for way in WAYS[kind])
+    # then without what tells a command; a goal is no pose
+    for plain in (told, {} if is_pose else {k: _bare(words) for k, words in told.items()}):
+        for alias in (name, *whole):
+            if places := [k for k, words in plain.items() if words == alias]:
+                return places
+        for ending in endings:
+            if places := [k for k, words in plain.items() if f"_{words}".endswith(f"_{ending}")]:
+                return places
     return []
 
 
-def _is_commanded(name: str) -> bool:
+def _commanded(header: Sequence[str], names: Collection[str]) -> dict[str, int]:
+    """Columns of a way to tell commands whose names all say that they are commands."""
+    sure = [(k, h) for k, h in enumerate(header) if _is_commanded(h, COMMANDED)]
+    found = {n: places[0] for n in names if len(places := _meant(n, sure)) == 1}
+    way = next((way for way in WAYS["command"] if set(way) <= found.keys()), ())
+    more = ("lateral",) if way == WAYS["command"][0] and "lateral" in found else ()
+    return {n: found[n] for n in (*way, *more)}
+
+
+def _is_commanded(name: str, words: Collection[str] = WANTED) -> bool:
     """Whether a column's name says that it holds a command."""
-    return any(word in name.lower() for word in COMMANDED)
+    return not set(words).isdisjoint(_plain(name)[0].split("_"))
 
 
-def _plain(name: str) -> str:
-    """A name without its unit, in lower case, words parted by underscores."""
-    bare = BRACKETS.sub("", name[:LONGEST_NAME])
-    return SUFFIX.sub("", re.sub(r"[^0-9a-z]+", "_", bare.lower()).strip("_"))
+def _bare(plain: str) -> str:
+    """A plain name without the words that tell a command."""
+    return "_".join(word for word in plain.split("_") if word not in WANTED)
+
+
+def _plain(theirs: str, name: str = "") -> tuple[str, str]:
+    """A column's name in lower case, words parted by underscores, and the unit in it, if any."""
+    theirs = theirs[:LONGEST_NAME]
+    found = BRACKETS.search(theirs)
+    bare = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", BRACKETS.sub("", theirs)).lower()
+    words = re.sub(r"[^0-9a-z]+", "_", bare).strip("_").split("_")
+    if found is not None:
+        return "_".join(words), found["unit"]
+    for count in (2, 1):
+        unit = "/".join(words[-count:])
+        if len(words) > count and (spelled(unit) in KNOWN.get(name, ()) or unit in SUFFIXES):
+            return "_".join(words[:-count]), unit
+    return "_".join(words), ""
 
 
 def _unit(file: Path, name: str, theirs: str) -> str | None:
     """Unit that a header tells of a column, where it is not SI."""
-    theirs = theirs[:LONGEST_NAME]
-    found = BRACKETS.search(theirs) or SUFFIX.search(theirs.lower().strip())
-    sizes = KNOWN.get(name)
-    if found is None or sizes is None or found["unit"] in ("", "-", "1"):
+    told, sizes = _plain(theirs, name)[1], KNOWN.get(name)
+    if sizes is None or told in ("", "-", "1"):
         return None
-    if (unit := spelled(found["unit"])) not in sizes:
+    if (unit := spelled(told)) not in sizes:
         raise DataError(
-            f"{file}: unknown unit {short(found['unit'])!r} in column {short(theirs)!r}: expected "
+            f"{file}: unknown unit {short(told)!r} in column {short(theirs)!r}: expected "
             f"{', '.join(sizes)}; --units {name}=... says what it is"
         )
     return None if unit == next(iter(sizes)) else unit

@@ -102,7 +102,8 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         held = in_units(held, kinds, other.found.units)
         poses = in_units(poses, ("x", "y", "theta"), found.units)
         notes = (*notes, *more)
-        log = Log(str(file), poses, held, notes=notes, where=table.where, columns=kinds)
+        told, where = {**found.units, **other.found.units}, table.where
+        log = Log(str(file), poses, held, notes=notes, where=where, columns=kinds, units=told)
         return two_or_three(log)
     values, kinds = _commands(table, options)
     wheels = found.command == ("left", "right")
@@ -114,7 +115,6 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         notes=notes,
         where=table.where,
         columns=kinds,
-        header_units=found.units,
         wheel_speeds=wheels,
         geometry={"track": options.track} if wheels and options.track else {},
     )

@@ -10,7 +10,7 @@ import kmpc_lite as kl
 from kmpc_lab import DifferentialDrive, generate_dataset
 from kmpc_lite.control.plan import GoalProgress, Plan
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.model.file import Ramps
 
 START, GOAL, STEPS = np.array((-1.0, 0.0, 0.0)), (1.0, 0.5, 0.3), 200
 

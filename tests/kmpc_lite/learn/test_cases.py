@@ -32,7 +32,7 @@ NAMED = {
     ("wheels_mm_s_4hz.csv", "--track 0.35"): "--units left=mm/s right=mm/s",
     ("header_rpm.csv", "--track 0.35"): "left is in rpm, the turns of a wheel: --wheel-radius",
     ("header_rads.csv", "--track 0.35"): "left is in rad/s, the turns of a wheel: --wheel-radius",
-    ("header_says_cm.csv", "--track 0.35"): "the header has x, y in cm, which they hardly are",
+    ("header_says_cm.csv", "--track 0.35"): "x was read in cm, y was read in cm; --units x=m y=m",
     ("vicon.csv", ""): "an export of Vicon Nexus",
     ("motive.csv", ""): "an export of OptiTrack Motive",
     ("remarks.csv", ""): "line 8, column t: time must grow",

@@ -10,8 +10,9 @@ from valid_logs import KINDS, WRONG, as_log, valid
 
 import kmpc_lite as kl
 from kmpc_lite.learn.checks import judge
+from kmpc_lite.learn.formats.columns import COLUMNS
 from kmpc_lite.learn.formats.readers import read_log
-from kmpc_lite.learn.logs import Log, ReadOptions, correct
+from kmpc_lite.learn.logs import Log, ReadOptions, correct, parse_units
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"
 
@@ -41,21 +42,28 @@ def test_what_is_wrong_is_named(wrong: str) -> None:
     assert all("\n" not in reason for reason in reasons)
 
 
-@pytest.mark.parametrize(
-    "wrong", ["ms", "ns", "mm", "theta deg", "omega deg", "mirrored", "compass", "ned", "a quarter"]
-)
-def test_the_option_that_is_named_mends_it(wrong: str) -> None:
-    change, _ = WRONG[wrong]
-    log = as_log(change(rows(drive(90.0, rate=20.0, seed=4, noise=(0.003, 0.003)))))
-    for _ in range(3):
-        found = suspects_of(log)
-        if not found:
+READ = {"theta": "deg", "omega": "deg/s", "x": "mm", "y": "mm", "v": "mm/s"}
+MENDED = [
+    *((w, {}) for w in ("ms", "ns", "mm", "theta deg", "omega deg", "compass", "ned", "a quarter")),
+    *((w, READ) for w in ("ms", "mirrored", "ned", "a quarter", "a half", "y mirrored", "swapped")),
+    *(("", {n: READ[n] for n in names}) for names in (["theta"], ["omega"], ["x", "y"])),
+]
+
+
+@pytest.mark.parametrize(("wrong", "read"), MENDED)
+def test_the_option_that_is_named_mends_it(wrong: str, read: dict[str, str]) -> None:
+    table = rows(drive(90.0, rate=20.0, seed=4, noise=(0.003, 0.003)))
+    sizes = [parse_units(read)[n].scale if n in read else 1.0 for n in COLUMNS]
+    table = WRONG[wrong][0](table) / sizes if wrong else table
+    raw, units, frame = as_log(table), dict(read), "enu"
+    for _ in range(4):
+        log = correct(raw, ReadOptions(units=units, frame=frame))
+        if not (found := suspects_of(log)):
             break
-        reason = found[0]
-        units = re.search(r"--units ((?:\w+=[^\s;),]+ ?)+)", reason)
-        frame = re.search(r"--frame (\w+)", reason)
-        pairs = dict(word.split("=") for word in units[1].split()) if units and not frame else {}
-        log = correct(log, ReadOptions(units=pairs, frame=frame[1] if frame else "enu"))
+        named = re.search(r"--units ((?:\w+=[^\s;),]+ ?)+)", found[0])
+        frame = f[1] if (f := re.search(r"--frame (\w+)", found[0])) else frame
+        if named and not f:
+            units |= dict(word.split("=") for word in named[1].split())
     assert suspects_of(log) == []
 
 

@@ -9,7 +9,7 @@ import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.learn.learning import Learned, learn
 from kmpc_lite.learn.selection import learned_axes, select
-from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.model.file import Ramps
 
 ROVER = Path(__file__).parents[4] / "shared" / "data" / "rover_sitl"
 NOISE = (0.002, 0.002, 0.004)

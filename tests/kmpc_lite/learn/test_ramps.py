@@ -14,8 +14,7 @@ from kmpc_lite.learn.learning import learn
 from kmpc_lite.learn.loading import load_logs
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.learn.ramps import find_ramps, shown_changes
-from kmpc_lite.model.info import check_info
-from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.model.file import Ramps, check_info
 from kmpc_lite.types import Array
 
 DT, PARTS = 0.1, 20

@@ -20,6 +20,8 @@ DIALECTS = {
     "/odom/header/stamp|/odom/position/x|/odom/position/y|/odom/yaw|/cmd_vel/linear/x|"
     "/cmd_vel/angular/z": "|",
     "t x y theta v omega": " ",
+    "t_s,x_m,y_m,psi_rad,v_mps,w_rad_s": ",",
+    "datetime,x,y,yaw,cmdVelLinear,target_yaw_rate": ",",
     "Timestamp [s], X [m], Y [m], Theta [rad], V [m/s], Omega [rad/s]": ",",
 }
 
@@ -62,11 +64,13 @@ def test_columns_and_units_that_the_user_names(tmp_path: Path) -> None:
 
 def test_commands_that_were_passed_over_are_reported(tmp_path: Path) -> None:
     table = np.column_stack([TABLE, TABLE[:, 4:]])
-    header = "t,x,y,theta,v,omega,cmd_v,cmd_w"
+    header = "t,x,y,theta,v,omega,v_ref,w_ref"
     log = read_log(written(tmp_path / "run.csv", header, ",", table))
-    assert "commands may be in cmd_v, cmd_w, too" in log.notes[0]
-    chosen = ReadOptions(columns={"v": "cmd_v", "omega": "cmd_w"})
-    assert read_log(tmp_path / "run.csv", chosen).notes == ("columns: v=cmd_v, omega=cmd_w",)
+    assert "commands may be in v_ref, w_ref, too" in log.notes[0]
+    chosen = ReadOptions(columns={"v": "v_ref", "omega": "w_ref"})
+    assert read_log(tmp_path / "run.csv", chosen).notes == ("columns: v=v_ref, omega=w_ref",)
+    told = read_log(written(tmp_path / "run.csv", header.replace("ref", "cmd"), ",", table))
+    assert told.notes == ("columns: v=v_cmd, omega=w_cmd",)
 
 
 def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None:
@@ -93,7 +97,7 @@ def test_a_unit_that_nobody_knows_is_named(tmp_path: Path) -> None:
     path = written(tmp_path / "run.csv", "t,x (furlong),y,theta,v,omega", ",")
     with pytest.raises(kl.DataError, match=r"unknown unit 'furlong' in column 'x \(furlong\)'"):
         read_log(path)
-    assert read_log(path, ReadOptions(units={"x": "m"})).header_units == {}
+    assert read_log(path, ReadOptions(units={"x": "m"})).units == {"x": "m"}
 
 
 def test_wheel_speeds_in_turns_need_the_wheels_radius(tmp_path: Path) -> None:
