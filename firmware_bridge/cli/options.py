@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, TOPICS, Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
-from kmpc_lite.cli.command import positive
+from kmpc_lite.cli.command import need, positive
 from kmpc_lite.cli.drive_options import TURN_SHARE
-from kmpc_lite.cli.extras import need
 from kmpc_lite.reading import parse_toml
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 
 from firmware_bridge.messages import BridgeError
-from kmpc_lite.cli.command import Command, positive
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import Command, need, positive
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

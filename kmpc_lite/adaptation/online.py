@@ -18,17 +18,15 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.adapted_model import (
-    adapted_model,
-    drives_sideways,
-    lag_taken_for_gain,
-    refuse,
-)
 from kmpc_lite.adaptation.gains import (
     Evidence,
+    adapted_model,
     contradiction,
+    drives_sideways,
     estimate,
     evidence,
+    lag_taken_for_gain,
+    refuse,
     residual_covariance,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions

@@ -1,8 +1,8 @@
-"""What a command of `kmpc` is: its help, its options, what it does; or a group of commands.
+"""What a command of `kmpc` is: its help, its options, what it does, which extras it needs.
 
 A file of this folder holds one `COMMAND`, its options and its body together, and imports NumPy and
 everything else that is heavy only in the body. Every installed distribution adds its commands
-through the entry points `kmpc.commands`, each ``name = "module:COMMAND"``.
+through the entry points `kmpc.commands`, each ``name = "module:COMMAND"``; a group of them is one.
 """
 
 from __future__ import annotations
@@ -13,12 +13,30 @@ from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
+from importlib.util import find_spec
 from typing import Any, NoReturn
 
 from kmpc_lite import __version__
-from kmpc_lite.cli.extras import LAB_LINE, MissingExtra
 from kmpc_lite.errors import KmpcError, did_you_mean
 
+BRIDGE, LOGS, PLOT = "kmpc-lite[bridge]", "kmpc-lite[logs]", "kmpc-lab[plot]"
+EXTRAS = {
+    "PIL": PLOT,
+    "casadi": "kmpc-lab[peers]",
+    "jinja2": PLOT,
+    "matplotlib": PLOT,
+    "mujoco": "kmpc-lab[twin]",
+    "mcap": BRIDGE,
+    "pymavlink": BRIDGE,
+    "pyulog": LOGS,
+    "rclpy": "kmpc-lite[ros2-test]",
+    "serial": BRIDGE,
+    "rosbags": LOGS,
+}
+"""Distribution and extra of it that bring a module."""
+LAB_LINE = "pip install kmpc-lab"
+PARTS = "kmpc.parts"
+"""Entry points of what kmpc-lab adds to a command of the robot."""
 ENTRY_POINTS = "kmpc.commands"
 ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"), "export")
 """Commands of a robot, in the order in which the help shows them."""
@@ -30,6 +48,51 @@ ON_THE_ROBOT, DESK = "commands for a robot", "commands for a desk (kmpc-lab)"
 """Headings of the two groups."""
 LARGEST = 1e9
 """Beyond it a number is a slip of the pen."""
+
+
+class MissingExtra(KmpcError):
+    """An optional dependency is not installed."""
+
+
+def is_installed(module: str) -> bool:
+    """Whether a module can be imported; it is not."""
+    try:
+        return find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
+
+
+def need(what: str, *modules: str) -> None:
+    """Refuse where a module is missing.
+
+    `what`: which needs it: "a report". `modules`: names of `EXTRAS`. Raises MissingExtra with the
+    line that installs it.
+    """
+    for module in modules:
+        if not is_installed(module):
+            raise MissingExtra(f"{what} needs {module}: {pip_line(module)}")
+
+
+def missing_extra(error: ModuleNotFoundError) -> str | None:
+    """What to say of a module that was not found; None if it belongs to no extra."""
+    module = (error.name or "").partition(".")[0]
+    return f"{module} is not installed: {pip_line(module)}" if module in EXTRAS else None
+
+
+def pip_line(module: str) -> str:
+    """Command that installs the extra of a module."""
+    return f"pip install '{EXTRAS[module]}'"
+
+
+def part(what: str, name: str) -> Any:
+    """Load what kmpc-lab adds to a command.
+
+    `what`: which needs it: "--plot". `name`: of its entry point among `PARTS`. Raises MissingExtra
+    where kmpc-lab is not installed, with the line that installs it.
+    """
+    for point in metadata.entry_points(group=PARTS, name=name):
+        return point.load()
+    raise MissingExtra(f"{what} comes with kmpc-lab: {LAB_LINE}")
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:

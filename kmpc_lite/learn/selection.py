@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kmpc_lite.learn.coverage import find_coverage
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.lag import (
     AT_ONCE,
@@ -58,6 +59,8 @@ SIGNIFICANCE, OF_CARS = 0.001, 0.01
 log show how tyres and servo turn it. Where more terms explain nothing they pass by `CHANCE`."""
 SMOOTHED = 0.05
 """Share of the largest speed below which ``|omega|`` is rounded."""
+TURNING_AHEAD = {"forward, left", "forward, right"}
+"""Parts of a log without which products of speed and turn rate stay out."""
 BOTH_WAYS = 0.1
 """Share of a log that drives forward, and back, from which on it may show a gain for each."""
 RIDGE = 1e-9
@@ -267,7 +270,18 @@ class _Chooser:
 
     def __init__(self, moment: Moments, at_once: Moments, log: Dataset, slow: float) -> None:
         self._commands, self._steered = log.commands, log.steered
-        self._ladders = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
+        kinds = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
+        self._ladders: tuple[Ladder, ...] = kinds
+        parts = find_coverage([e.inputs for e in log.episodes], log.dt, steered=log.steered).parts
+        shown = {part.name for part in parts if part.is_shown}
+        if not (log.steered or TURNING_AHEAD <= shown):
+            # how it turns while it drives would be a guess
+            named = enumerate(terms_of(log.commands))
+            mixed = {k for k, term in named if "omega" in term and term[0] in "vl"}
+            self._ladders = tuple(
+                {name: terms for name, terms in ladder.items() if mixed.isdisjoint(terms)}
+                for ladder in self._ladders
+            )
         v = log.inputs[:, 0]
         ways = min(float((sign * v > slow).mean()) for sign in (1.0, -1.0))
         self._gears = GEARS if ways >= BOTH_WAYS and log.commands == INPUTS else None

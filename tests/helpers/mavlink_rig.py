@@ -150,15 +150,3 @@ def error(rig: Rig) -> tuple[float, float]:
     return math.hypot(x - east * ago - state.x, y - north * ago - state.y), abs(
         math.remainder(theta - turn * ago - state.theta, math.tau)
     )
-
-
-__all__ = [
-    "Filter",
-    "Rig",
-    "crc16_mcrf4xx",
-    "decode",
-    "dialect",
-    "error",
-    "other",
-    "set_point_frame",
-]

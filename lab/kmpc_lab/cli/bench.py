@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from kmpc_lite.cli.command import Command, count, positive, refuse_unread
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import Command, count, need, positive, refuse_unread
 from kmpc_lite.cli.output import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0

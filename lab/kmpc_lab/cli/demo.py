@@ -25,8 +25,7 @@ from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lab.cli.simulate import describe, simulate
 from kmpc_lab.cli.stage import SCENARIO, Stage, emulator, robot_text
-from kmpc_lite.cli.command import Command, positive
-from kmpc_lite.cli.extras import is_installed, need, pip_line
+from kmpc_lite.cli.command import Command, is_installed, need, pip_line, positive
 from kmpc_lite.cli.fit import tell_learned
 from kmpc_lite.cli.output import command_line, watching
 from kmpc_lite.defaults import SHORTEST_PERIOD

@@ -17,8 +17,7 @@ from firmware_bridge.robot_file import Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lab.emulator.build import Emulator, build_emulator
 from kmpc_lab.emulator.mocap import MocapSender
-from kmpc_lite.cli.command import Command, positive
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import Command, need, positive
 
 if TYPE_CHECKING:
     from kmpc_lab.emulator.lidar import LidarEmulator

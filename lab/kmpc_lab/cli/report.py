@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import kmpc_lite as kl
-from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import Command, need
 from kmpc_lite.cli.output import command_line, keep_inputs
 
 if TYPE_CHECKING:

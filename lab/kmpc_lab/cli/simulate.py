@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import kmpc_lite as kl
 from firmware_bridge.cli.options import add_live_options, live_address
 from kmpc_lab.cli.scenario import DEFAULT, add_scenario_options, read_scenario
-from kmpc_lite.cli.command import Command, positive
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import Command, need, positive
 from kmpc_lite.cli.output import command_line, keep_inputs
 from kmpc_lite.defaults import SHORTEST_PERIOD
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.study import Study, Work, check_resume
-from kmpc_lite.cli.command import Command, count
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import Command, count, need
 from kmpc_lite.cli.output import ProgressBar
 
 

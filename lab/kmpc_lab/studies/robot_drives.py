@@ -22,7 +22,7 @@ from kmpc_lab.studies.any_robot import (
 from kmpc_lab.studies.any_wheels import CarRobot, Moves, OmniRobot, draw_car, draw_omni
 from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.table import DRIVES, STOPPED, TIME, Column, count_of
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.command import need
 from kmpc_lite.control import Circle, Controller
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS

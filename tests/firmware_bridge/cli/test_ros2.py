@@ -3,7 +3,6 @@
 import pytest
 from ros2_drive import HERE, NO_ROS
 
-from kmpc_lite.cli import extras
 from kmpc_lite.cli.main import main
 
 WRONG = {
@@ -30,7 +29,7 @@ def test_what_is_wrong_is_reported_in_one_line(line, told, capsys, tmp_path, mon
 
 @pytest.mark.parametrize("command", ["ros2", "emulate ros2"])
 def test_without_rclpy_it_says_what_to_install(command: str, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(extras, "is_installed", lambda module: module != "rclpy")
+    monkeypatch.setattr("kmpc_lite.cli.command.is_installed", lambda module: module != "rclpy")
     assert main(command.split()) == 2
     error = capsys.readouterr().err
     assert "/opt/ros/" in error and "pip install 'kmpc-lite[ros2-test]'" in error

@@ -14,8 +14,7 @@ import pytest
 import kmpc_lab
 import kmpc_lite
 from kmpc_lab.studies import catalogue
-from kmpc_lite.cli.command import ENTRY_POINTS, LAB, ROBOT, build_parser, known_commands
-from kmpc_lite.cli.extras import EXTRAS
+from kmpc_lite.cli.command import ENTRY_POINTS, EXTRAS, LAB, ROBOT, build_parser, known_commands
 from kmpc_lite.cli.main import main
 
 ROOT = Path(__file__).parents[3]

@@ -20,15 +20,6 @@ def late_log(lag: float, dead: float, noise: tuple[float, float, float], seed: i
     return drive_log(robot, 12, 100, 0.1, seed, hold=10, pose_noise=noise)
 
 
-# responses
-
-
-# cross-validation
-
-
-# choosing
-
-
 def test_a_turning_centre_beside_the_pose_is_found() -> None:
     random = np.random.default_rng(4)
     drives = []
@@ -94,7 +85,17 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
     assert found.rows.across[2] == pytest.approx(-0.1, abs=0.03)
 
 
-# what it works on
+def test_how_it_turns_while_it_drives_is_not_told_by_turns_on_the_spot() -> None:
+    """Small turn rates move nothing: products of both speeds explain that, and no other drive."""
+    random = np.random.default_rng(0)
+    spot, ahead = random.choice((-0.7, 0.7), 30), random.uniform(-0.12, 0.12, 30)
+    turns = np.repeat(np.stack([spot, ahead], axis=1).ravel(), 25)
+    inputs = np.stack([np.repeat(np.tile((0.0, 0.6), 30), 25), turns], axis=1)
+    driven = inputs * np.stack([np.ones(len(turns)), np.abs(turns) > 0.2], axis=1)
+    states = kl.nominal_unicycle(0.1).rollout(np.zeros(3), driven)
+    states = states + random.normal(size=states.shape) * 0.003
+    found = select(kl.Dataset([kl.Episode(states, inputs, 0.1)]))
+    assert not any(found.rows.heading[2:])
 
 
 def test_a_log_too_short_for_a_choice_leaves_the_nominal_robot() -> None:
