@@ -15,7 +15,7 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, TOPICS, Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.command import need, positive
-from kmpc_lite.cli.drive_options import TURN_SHARE
+from kmpc_lite.cli.options import TURN_SHARE
 from kmpc_lite.reading import parse_toml
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command, positive
-from kmpc_lite.cli.log_options import add_force, add_log_options, read_options
+from kmpc_lite.cli.options import add_force, add_log_options, read_options
 from kmpc_lite.cli.output import keep_inputs
 from kmpc_lite.defaults import SHORTEST_PERIOD
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kmpc_lite.cli.command import Command, need, part
-from kmpc_lite.cli.log_options import add_log_options, read_options
+from kmpc_lite.cli.options import add_log_options, read_options
 from kmpc_lite.cli.output import keep_inputs, paint
 
 if TYPE_CHECKING:

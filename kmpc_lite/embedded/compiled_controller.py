@@ -20,8 +20,7 @@ from kmpc_lite.control.input_checks import step_numbers
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.world.scene import PREPARED
 from kmpc_lite.control.world.shapes import Circle, circles_to_array
-from kmpc_lite.embedded.folder import ABOUT, FORMAT
-from kmpc_lite.embedded.vectors import STATUSES
+from kmpc_lite.embedded.folder import ABOUT, FORMAT, STATUSES
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import INPUTS, STATES, Array
 

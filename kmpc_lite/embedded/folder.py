@@ -1,4 +1,7 @@
-"""Write the folder of an exported controller: sources, numbers, a build, test vectors."""
+"""Write the folder of an exported controller: sources, numbers, a build, test vectors.
+
+Vectors are what the controller in Python answers, step by step, on a drive past circles.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +20,7 @@ from kmpc_lite.control import kernels
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
 from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.embedded.numbers import (
     NO_LIMIT,
@@ -26,10 +30,13 @@ from kmpc_lite.embedded.numbers import (
     sizes_of,
     solver_of,
 )
-from kmpc_lite.embedded.vectors import Vector, recorded_vectors
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
 
+STEPS = 80
+STATUSES = (PlanStatus.SOLVED, PlanStatus.FEASIBLE, PlanStatus.FALLBACK, PlanStatus.STOPPED)
+"""In the order of `enum kmpc_status`."""
 SOURCES = Path(__file__).parent / "c"
 KERNELS = Path(kernels.__file__).parent / "c"
 ABOUT, FORMAT = "kmpc.json", 2
@@ -39,6 +46,54 @@ AROUND = frozenset(
 """What is no source of the library."""
 NOT_CALLED = ("module.c", "boxes.c", "clusters.c", "scan_beams.c", "scan_map.c", "tracks.c")
 GUARD = "#define KMPC_KERNELS_H\n"
+
+
+class Vector(NamedTuple):
+    """What comes in, in metres and seconds, and the answer."""
+
+    pose: Array
+    goal: Array
+    circles: Array
+    command: Array
+    status: int
+
+
+def recorded_vectors(controller: Controller, steps: int = STEPS) -> list[Vector]:
+    """Drive a controller past two circles, one of which moves, and two steps that are refused.
+
+    Sizes follow the robot: circles are as large as it is, and lie on the right of its way, which
+    turns left and is as long as it drives in a few seconds. (Before it they would make a plan hang
+    between two sides, where the last bit of a number decides.)
+    """
+    problem, model = controller.problem, controller.model
+    speed, radius = float(max(problem.u_max[0], -problem.u_min[0])), problem.robot_radius
+    way = max(0.35 * steps * problem.dt * speed, 12.0 * radius)
+    low, high = problem.bounds[2][:2], problem.bounds[3][:2]
+    bounded = np.isfinite(low) & np.isfinite(high)
+    low, high = np.where(bounded, low, 0.0), np.where(bounded, high, 0.0)
+    middle, room = 0.5 * (low + high), np.where(bounded, 0.35 * (high - low), np.inf)
+    half = np.minimum(0.5 * way, room)
+    start, goal = np.array([*(middle - half), 0.3]), np.array([*(middle + half), 0.0])
+    pose, past = start, np.zeros((model.history, 2))
+    vectors = []
+    controller.reset()
+    for k in range(steps):
+        moving = middle + (0.3 * half[0], -half[1] + 0.1 * speed * problem.dt * k)
+        circles = np.array(
+            [
+                [*(middle - 0.35 * half + (1.5 * radius, -1.5 * radius)), radius, 0.0, 0.0],
+                [*moving, radius, 0.0, 0.1 * speed],
+            ]
+        )
+        told = np.full(3, np.nan) if k in (20, 21) else pose
+        plan = controller.step(told, goal, circles)
+        status = STATUSES.index(plan.status)
+        vectors.append(Vector(told, goal, circles, plan.command, status))
+        pose = model.predict(pose, plan.command, past)
+        if model.history:
+            past = np.concatenate([past[1:], plan.command[None]])
+    controller.reset()
+    return vectors
 
 
 def export(

@@ -209,6 +209,10 @@ def _mirrored(case: Case) -> str | None:
     if case.sign > 0:
         return None
     offset = degrees(case.offset[0])
+    if not case.turns.sure:
+        other = f", or y has the other sign (--units {case.unit('y', -1.0)})"
+        other = other if abs(offset) < OFFSET else ""
+        return f"the path is seen in a mirror: theta is clockwise ({case.theta_unit}){other}"
     if not case.mirrored_path:
         compass = ": a compass's, clockwise from north" if 60.0 < offset < 120.0 else ""
         return (
@@ -268,6 +272,9 @@ def _both_units(case: Case) -> str | None:
     by, other = abs(moves.factor), abs(turns.factor)
     if not 0.5 < by / other < 2.0 or case.log.shares:
         return None
+    if case.log.steered:
+        unit = case.unit("v", by) or f"v={by:.3g}, the size of its unit [m/s]"
+        return f"the car drives {by:.3g} of what v says: --units {unit}"
     if not case.log.wheel_speeds:
         return (
             f"the robot moves and turns by {by:.3g} of what v and omega say: t, or both of them, "

@@ -80,7 +80,9 @@ LARGEST = 1e9
 to rounding, and their squares overflow."""
 ALIKE = 1.3
 """Factor within which a size is that of a unit."""
-FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
+FORM = re.compile(
+    r"(?P<sign>-?)(?P<unit>1?[a-zA-Z/%]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?"
+)
 
 
 class Unit(NamedTuple):

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
+from kmpc_lite.learn.coverage import measure_stopping
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.formats.readers import find_logs
-from kmpc_lite.learn.stopping import measure_stopping
 from kmpc_lite.model.file import is_vehicle
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.reading import text_lines

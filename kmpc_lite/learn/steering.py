@@ -65,7 +65,7 @@ def as_car(log: Log, wheelbase: float | None = None) -> Log:
     left_out = disobeyed(time, poses, held[:, 0]) | _relocated(time, poses, held[:, 0])
     rows = np.flatnonzero(~left_out & (at >= 0))
     if len(rows) < 2:
-        raise DataError(f"{log.name}: nothing obeyed the commands of this log")
+        raise DataError("nothing obeyed the commands of this log")
     seen = time[rows], poses[rows], held[rows, 1]
     curvatures, how, geometry = _curvatures(log.columns[1], told, seen, wheelbase)
     speeds = np.where(np.abs(told[:, 0]) < ROLLS, ROLLS, told[:, 0])
@@ -111,7 +111,11 @@ def _curvatures(
         gain, middle = find_servo(*seen)
         how = f"; straight at servo {middle:.4g}, curvature {gain:.3g} 1/m for each 1 of it"
         return gain * (told - middle), how, {}
-    base, largest = wheelbase or find_wheelbase(*seen), float(np.abs(seen[2]).max())
+    if (largest := float(np.abs(seen[2]).max())) >= 0.5 * math.pi:
+        raise DataError(
+            f"steering: by up to {largest:.3g} rad no wheels are steered; --units steering=deg?"
+        )
+    base = wheelbase or find_wheelbase(*seen)
     how = f"; wheelbase {abs(base):.2f} m, it steers by at most {largest:.2f} rad"
     return np.tan(told) / base, how, {"wheelbase": base}
 

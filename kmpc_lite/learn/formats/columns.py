@@ -34,7 +34,7 @@ _TOLD = {
     "y": "py ty pos_y y_pos north northing | " + _PLACE.format("y"),
     "theta": "yaw heading psi th phi angle orientation azimuth | theta yaw heading",
     "v": "u_v linear speed velocity vel vx v_x | linear_x lin_vel linear_velocity linear_vel "
-    "vel_linear lin_x v motor_speed erpm",
+    "vel_linear lin_x v motor_speed drive_speed erpm",
     "omega": "w wz angular yaw_rate yawrate turn_rate u_omega u_w | angular_z ang_vel "
     "angular_velocity angular_vel vel_angular ang_z omega yaw_rate",
     "steering": "steering_angle delta steer steer_angle servo_angle drive_steering_angle "
@@ -124,6 +124,9 @@ def find_columns(
     speeds = {n for way in WAYS["command"] for n in (*way, "lateral")}
     sure = {} if speeds & chosen.keys() else _commanded(header, speeds)
     commands = _way("command", sure or there)
+    steers = "steer" in "".join(header[k].lower() for k in there.get("steering", ()))
+    if commands == ("v", "omega") and steers and not (sure or speeds & chosen.keys()):
+        commands = ("v", "steering")  # a turn rate beside it was measured
     if commands == ("v", "omega") and "lateral" in (sure or there):
         commands = ("v", "lateral", "omega")
     wanted = ("t", *_way("position", there), *_way("heading", there)) if poses else ("t", *commands)

@@ -73,13 +73,25 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -
     )
     try:
         log = correct(_usable(read(file, options), options), options)
-        return as_car(log, options.wheelbase) if log.columns[1] in STEERED else log
+        return _steered(log, options) if log.columns[1] in STEERED else log
     except DataError:
         raise
     except (OSError, ValueError, OverflowError) as error:
         raise DataError(
             f"{file}: cannot read the log: {getattr(error, 'strerror', None) or error}"
         ) from error
+
+
+def _steered(log: Log, options: ReadOptions) -> Log:
+    """A car's log; where its steering explains no turns, what else of it is not as it should be."""
+    try:
+        return as_car(log, options.wheelbase)
+    except DataError as error:
+        from kmpc_lite.learn.checks import judge
+
+        straight = replace(log.commands, values=log.commands.values * (1.0, 0.0))
+        suspects = judge(replace(log, commands=straight)).suspects
+        raise DataError(f"{log.name}: {(*suspects, error)[0]}") from error
 
 
 def _usable(log: Log, options: ReadOptions) -> Log:

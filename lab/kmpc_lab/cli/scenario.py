@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from kmpc_lite.cli.command import positive
-from kmpc_lite.cli.drive_options import (
+from kmpc_lite.cli.options import (
     TURN_SHARE,
     PoseOption,
     add_clearance,

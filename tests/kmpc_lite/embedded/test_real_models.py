@@ -8,8 +8,8 @@ from outcomes.models import DATA, LOGS
 
 import kmpc_lite as kl
 from kmpc_lite.cli.self_drive import problem_of
+from kmpc_lite.embedded.folder import recorded_vectors
 from kmpc_lite.embedded.numbers import controller_of
-from kmpc_lite.embedded.vectors import recorded_vectors
 from kmpc_lite.learn.learning import learn
 
 

@@ -64,9 +64,6 @@ def test_a_log_that_turns_is_unwrapped_and_starts_within_half_a_turn(tmp_path: P
             assert abs(theta[0]) <= np.pi
 
 
-# datasets
-
-
 def test_a_dataset_needs_episodes_of_one_period() -> None:
     drive = kl.Episode(np.zeros((3, 3)), np.zeros((2, 2)), 0.1)
     for wrong in (drive, np.zeros((3, 3)), [np.zeros((3, 3))], ["run.csv"], "run.csv"):
@@ -136,16 +133,10 @@ def test_gaps_end_an_episode(tmp_path: Path) -> None:
         kl.Dataset.load(tmp_path / "run.npz", gap=0.3)
 
 
-# splitting
-
-
 @pytest.mark.parametrize("fraction", [0.0, 1.0, -0.5, 2.0, float("nan")])
 def test_a_share_that_is_none_is_refused(fraction: float) -> None:
     with pytest.raises(kl.DataError, match="share between 0 and 1"):
         kl.Dataset([numbered(5, k) for k in range(4)]).split(fraction)
-
-
-# transitions
 
 
 @pytest.mark.parametrize("history", [0, 1, 3])

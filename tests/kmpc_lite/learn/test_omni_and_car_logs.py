@@ -1,5 +1,7 @@
 """Logs of omnis and cars: what they are learned as, and how that drives."""
 
+import re
+
 import numpy as np
 import pytest
 from helpers import foreign_logs
@@ -85,6 +87,21 @@ def test_steering_angles_become_turn_rates(tmp_path, name):
     model = kl.fit(data, lags="auto")
     turned = model.predict((0, 0, 0), (0.5, 0.5), np.tile((0.5, 0.5), (model.history, 1)))[2]
     assert turned == pytest.approx(0.05, rel=0.2)
+
+
+CARS = [
+    (5, 57.3, "--units steering=deg"),
+    (3, 57.3, "--units theta=deg"),
+    (2, -1.0, "or y has the other sign (--units y=-m)"),
+    (4, 100.0, "--units v=cm/s"),
+]
+
+
+@pytest.mark.parametrize(("column", "times", "told"), CARS)
+def test_what_is_wrong_with_a_cars_log_is_told(tmp_path, column, times, told):
+    rows = car_rows() * np.where(np.arange(6) == column, times, 1.0)
+    with pytest.raises(kl.DataError, match=re.escape(told)):
+        load_logs([written(tmp_path, rows)], 0.1)
 
 
 def test_what_a_deadman_switch_holds_back_is_left_out_with_a_line(tmp_path):

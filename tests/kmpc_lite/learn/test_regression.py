@@ -11,8 +11,6 @@ from paper_drives import TRIG, UNICYCLE, drives
 
 import kmpc_lite as kl
 
-# the paper's fit
-
 
 @pytest.mark.parametrize(
     "dictionary",
@@ -65,9 +63,6 @@ def paper_rows(data: kl.Dataset) -> np.ndarray:
     z = UNICYCLE.lift(np.concatenate([e.states[:-1] for e in data.episodes]))
     u = np.concatenate([e.inputs for e in data.episodes])
     return np.c_[z, u[:, :1] * z, u[:, 1:] * z, u]
-
-
-# exact recovery
 
 
 def bilinear_truth(dictionary: kl.Dictionary, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -184,9 +179,6 @@ def test_a_drive_far_from_the_origin_fits_as_well_or_says_so(method: Any, distan
     with pytest.raises(kl.DataError, match="not far from the origin"):
         kl.fit(lost, method=method, symmetric=False)
     assert kl.evaluate(kl.fit(lost, TRIG), lost).multi_step[0] < 1e-4
-
-
-# ridge
 
 
 def test_a_ridge_is_that_of_the_scaled_least_squares() -> None:

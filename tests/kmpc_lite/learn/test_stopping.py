@@ -5,7 +5,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lite.learn.stopping import Stopping, measure_stopping
+from kmpc_lite.learn.coverage import Stopping, measure_stopping
 
 DT = 0.1
 

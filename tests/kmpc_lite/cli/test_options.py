@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from kmpc_lite.cli.command import Parser
-from kmpc_lite.cli.drive_options import add_goal_options, goals_of
+from kmpc_lite.cli.options import add_goal_options, goals_of
 from kmpc_lite.errors import ScenarioError
 
 
