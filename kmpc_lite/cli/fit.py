@@ -202,7 +202,7 @@ def read_shape(radius: float | None, footprint: list[float] | None) -> dict[str,
 
 def tell_margins(learned: Learned) -> str:
     """Tell how a model's margins were calibrated, and how much room they take."""
-    from kmpc_lite.control.margins.margins import Margins
+    from kmpc_lite.control.margins import Margins
     from kmpc_lite.learn.windows import largest_inputs
 
     model = learned.model

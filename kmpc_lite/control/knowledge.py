@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from kmpc_lite.control.kernels.predictor import motion_in_units
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins import Margins
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.units import scaled_problem, with_goal_weights, with_tracking_weights

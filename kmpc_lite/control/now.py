@@ -26,7 +26,7 @@ from kmpc_lite.types import STATES, Array
 if TYPE_CHECKING:
     from kmpc_lite.control.clock import StepClock
     from kmpc_lite.control.knowledge import Knowledge
-    from kmpc_lite.control.margins.model_noise import FeltNoise
+    from kmpc_lite.control.margins import FeltNoise
     from kmpc_lite.control.path.situation import Guidance
     from kmpc_lite.control.state import ControllerState
     from kmpc_lite.control.world.solids import Nearby, Solids

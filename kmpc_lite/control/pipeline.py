@@ -14,9 +14,9 @@ import numpy as np
 
 from kmpc_lite.control.answers import Answers, StandstillWatch
 from kmpc_lite.control.clock import LEAST_AFTER_SOLVE, longest_lately
+from kmpc_lite.control.estimate.expected_errors import Lateness
 from kmpc_lite.control.estimate.history import advance_pose
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.estimate.lateness import Lateness
 from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.nmpc.sqp import SQP, SQPResult

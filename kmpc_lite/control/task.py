@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.margins.margins import Margins
-from kmpc_lite.control.margins.model_noise import FeltNoise
+from kmpc_lite.control.margins import FeltNoise, Margins
 from kmpc_lite.control.world.surroundings import Surroundings
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import STATES, Array

@@ -51,8 +51,6 @@ class Case:
     """Of theta, that fits."""
     scale: float
     """Of theta, that fits: 1, or that of degrees; where it was read in those, of radians."""
-    mapped: bool
-    """Whether an omni's speeds fit as those along the map's axes."""
 
     @classmethod
     def of(cls, log: Log, motion: Motion) -> Case:
@@ -77,12 +75,8 @@ class Case:
             and 1.0 < ALIKE * abs(plain.factor) * other < ALIKE**2
         ):
             scale = other
-        mapped = False
-        if np.iscomplexobj(motion.asked) and moves[1, 1.0].loses_to(moves[best].share):
-            steps = np.where(motion.whole, motion.steps, 0.0)
-            mapped = match(motion, steps, motion.asked[:, 0]).share > 0.9 * moves[best].share
         key = (sign, scale)
-        return cls(log, motion, moves[key], turns[key], sign, scale, mapped)
+        return cls(log, motion, moves[key], turns[key], sign, scale)
 
     @property
     def period(self) -> float:
@@ -297,14 +291,21 @@ def _length_unit(case: Case) -> str | None:
     longer = f"the path is {by:.3g} times as long as v says"
     sides = [f"{case.unit(n, 1.0 / by)}" for n in "xy"]
     speed = None if wheels else case.unit("v", by)
-    read = [f"{n} was read in {told[n]}" for n in ("x", "y", "v") if n in told]
-    if read and "None" not in sides and case.turns.sure and case.is_usual(case.turns):
+    if speed and "lateral" in case.log.columns:
+        speed += f" {case.unit('lateral', by)}"
+    read = [f"{n} was read in {told[n]}" for n in ("x", "y", "v", "lateral") if n in told]
+    if (
+        read
+        and sides[0][2:] not in ("None", "km")
+        and case.turns.sure
+        and case.is_usual(case.turns)
+    ):
         other = f", or --units {speed}" if speed else ""
         return f"{longer}: {', '.join(read)}; --units {' '.join(sides)}{other}"
     unit, what = (sides[0], "x and y are") if by > 1.0 else (speed or "None", "v is")
     if unit != "None" and not wheels and not read:
         option = " ".join(sides) if by > 1.0 else unit
-        return f"{longer}: {what} in {unit.partition('=')[2]}; --units {option}"
+        return f"{longer}: {what} in {unit.split()[0].partition('=')[2]}; --units {option}"
     return (
         f"{longer}: expected m and m/s (longitude and latitude are neither); --units x=... y=... "
         "v=..."
@@ -390,9 +391,9 @@ def judge(log: Log) -> LogVerdict:
     motion = gather(log)
     if motion is None:  # too short, or without overlap: cutting it into episodes says so
         return LogVerdict(())
+    if np.iscomplexobj(motion.asked) and (told := _find_aside(log, motion)):
+        return LogVerdict((told,))
     case = Case.of(log, motion)
-    if case.mapped:
-        return LogVerdict((ALONG_THE_MAP,))
     if suspects := tuple(reason for check in CHECKS if (reason := check(case))):
         return LogVerdict(suspects, case.delay)
     notes = [
@@ -440,14 +441,39 @@ def refuse_late(name: str, delay: float, dt: float) -> None:
         )
 
 
-ALONG_THE_MAP = (
-    "v and lateral are speeds along the map's x and y: expected those ahead of the robot and to "
-    "its left, as commanded (--columns v=... omega=...)"
-)
 NEVER_MOVES = (
     "the poses never move though the commands do, so the log does not excite the model: expected "
     "x, y, theta of the driving robot"
 )
+
+
+def _find_aside(log: Log, motion: Motion) -> str | None:
+    """What is wrong with an omni's two speeds where they fit otherwise, and only so."""
+
+    def mended(*columns: str) -> str:
+        told = (f"{n}={reread(n, log.units.get(n), -1.0)}" for n in columns)
+        return f"--units {' '.join(told)}"
+
+    asked, (here, _), (seen, _) = motion.asked[:, 0], motion.turned(1, 1.0), motion.turned(-1, 1.0)
+    flat = match(motion, np.where(motion.whole, motion.steps, 0.0), asked)
+    aside, mirrored = match(motion, here, asked.conj()), match(motion, seen, asked.conj())
+    best = max(flat, aside, mirrored, key=lambda m: m.share)
+    if not match(motion, here, asked).loses_to(best.share):
+        return None
+    if best is flat:
+        return (
+            "v and lateral are speeds along the map's x and y: expected those ahead of the robot "
+            "and to its left, as commanded (--columns v=... lateral=... omega=...)"
+        )
+    quarter = round(abs(np.angle(best.factor)) / (0.5 * np.pi))
+    if best is mirrored:
+        way = (mended("y"), "--frame swapped", mended("x"))[quarter]
+        return f"the path is seen in a mirror, though theta turns as it should: {way}"
+    return (
+        f"lateral > 0 drives to the right: {mended('lateral')}",
+        "v and lateral are exchanged: --columns v=... lateral=...",
+        f"v > 0 drives backwards: {mended('v')}",
+    )[quarter]
 
 
 def _find_still(log: Log) -> str | None:

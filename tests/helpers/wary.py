@@ -11,8 +11,7 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.margins.margins import Margins
-from kmpc_lite.control.margins.model_noise import FeltNoise
+from kmpc_lite.control.margins import FeltNoise, Margins
 from kmpc_lite.control.options import MarginOptions, StopOptions
 from kmpc_lite.control.safe_motion import SafeMotion, SafeMotions
 from kmpc_lite.control.task import Task

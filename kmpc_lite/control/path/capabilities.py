@@ -25,7 +25,7 @@ from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.margins import Margins
+    from kmpc_lite.control.margins import Margins
 
 SPARE_CLEARANCE = 0.02
 """How much more clearance a path keeps than a plan's margin at full speed [m]: a plan that touches

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins import Margins
 from kmpc_lite.learn.coverage import find_coverage
 from kmpc_lite.scale import UNIT_SPEED
 from kmpc_lite.scenario.files import Scenario

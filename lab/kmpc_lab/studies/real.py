@@ -23,7 +23,7 @@ from kmpc_lab.studies.robot_drives import COLUMNS as OF_ROBOTS
 from kmpc_lab.studies.robot_drives import course_of, judge
 from kmpc_lab.studies.table import Column, mean_of
 from kmpc_lite.control import Controller
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins import Margins
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
 from kmpc_lite.learn.calibration import prediction_errors, scores, with_quantiles

@@ -10,7 +10,7 @@ from wary import slipping
 import kmpc_lab as lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins import Margins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.safe_motion import SafeMotion, SafeMotions
 from kmpc_lite.control.task import Task

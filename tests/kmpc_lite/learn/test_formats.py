@@ -16,9 +16,6 @@ from kmpc_lite.learn.formats.readers import read_log
 pytestmark = pytest.mark.usefixtures("no_warnings")
 
 
-# good logs of many looks
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -47,9 +44,6 @@ def test_the_same_log_in_many_looks(tmp_path: Path, content: str) -> None:
     )
     np.testing.assert_array_equal(episode.inputs, np.tile([0.25, 0.0], (5, 1)))
     assert episode.dt == 0.1
-
-
-# text that is no log
 
 
 @pytest.mark.parametrize(
@@ -130,9 +124,6 @@ def test_a_log_too_long_is_refused_before_it_fills_the_memory(
         monkeypatch.setattr(f"kmpc_lite.learn.{module}.MAX_ROWS", 5)
     assert "more than 5 rows" in refusal(path)
     assert "more than 5 rows" in refusal(tmp_path / "run.npz")
-
-
-# the period
 
 
 @pytest.mark.parametrize("since", [0.0, 1.7e9])

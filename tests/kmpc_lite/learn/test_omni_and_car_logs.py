@@ -104,6 +104,18 @@ def test_what_is_wrong_with_a_cars_log_is_told(tmp_path, column, times, told):
         load_logs([written(tmp_path, rows)], 0.1)
 
 
+ASIDE = {5: "lateral > 0 drives to the right: --units lateral=-m/s", 2: "--units y=-m"}
+
+
+@pytest.mark.parametrize("column", ASIDE)
+def test_what_is_wrong_with_an_omnis_log_is_told(tmp_path, column):
+    (drive,) = omni_log(1, 1200).episodes
+    rows = np.column_stack([0.1 * np.arange(1200), drive.states[1:], drive.inputs])
+    rows[:, column] *= -1.0
+    with pytest.raises(kl.DataError, match=ASIDE[column]):
+        load_logs([written(tmp_path, rows, "vy,omega")], 0.1)
+
+
 def test_what_a_deadman_switch_holds_back_is_left_out_with_a_line(tmp_path):
     rows = car_rows(deadman=True)
     out = disobeyed(rows[:, 0], rows[:, 1:4], rows[:, 4])

@@ -6,7 +6,7 @@ from wary import PROBLEM, Wary, covariances, directions, of_noise, plan, slippin
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import NavigationProblem, nominal_unicycle
-from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN
+from kmpc_lite.control.margins import SOLVER_MARGIN
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.tube import MEMORY, closed_loop
 

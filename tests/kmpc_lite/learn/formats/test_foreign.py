@@ -91,9 +91,6 @@ def test_a_folder_means_the_logs_in_it(tmp_path: Path) -> None:
         kl.Dataset.load(tmp_path / "empty")
 
 
-# bags
-
-
 def test_topics_are_chosen_where_several_could_be_meant(tmp_path: Path) -> None:
     two = write_bag(tmp_path / "two", DRIVE, odoms=["/left/odom", "/right/odom"])
     with pytest.raises(kl.DataError, match="2 topics.*--topics odom=/left/odom"):
@@ -127,9 +124,6 @@ def test_an_empty_topic_is_named(tmp_path: Path) -> None:
     made = write_bag(tmp_path / "bag", QUIET, pose="tf")
     with pytest.raises(kl.DataError, match="no topic with a command.*/cmd_vel: no messages"):
         kl.Dataset.load(made)
-
-
-# autopilots
 
 
 def test_outputs_stand_in_for_speeds_and_that_is_reported(tmp_path: Path) -> None:
