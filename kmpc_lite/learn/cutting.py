@@ -10,7 +10,7 @@ from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import wrap
 from kmpc_lite.learn.dataset import Episode, resample
-from kmpc_lite.learn.logs import Log
+from kmpc_lite.learn.logs import Log, speeds_of
 from kmpc_lite.types import Array
 
 JITTER, DRIFT = 0.1, 0.01
@@ -18,6 +18,10 @@ JITTER, DRIFT = 0.1, 0.01
 may, before a log counts as uneven."""
 GAP = 2.5
 """A time step longer than this many periods ends an episode."""
+JUMP = 10.0
+"""Ratio of a step to the largest speed asked, and to nearly all other steps."""
+USUAL = 0.95
+"""Share of the steps that are nearly all."""
 LONGEST_HOLD = 1.0
 """A command that is not repeated is taken to be held for this long, or for `GAP` of its stream's
 periods, if that is longer [s]."""
@@ -158,6 +162,8 @@ def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Epi
         dt = model_period(log)
     limit = gap or (GAP * period if log.together else max(GAP * period, dt or 0.0))
     whole = (steps > 0.0) & (steps <= limit) & (stretch[1:] == stretch[:-1])
+    for jumped in jumps_of(log).values():
+        whole &= jumped == 0.0
     if own and whole.any():
         period = _even_period(log, whole)
     episodes = []
@@ -190,6 +196,38 @@ def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Epi
             "in which poses and commands are both known"
         )
     return episodes
+
+
+def asked_of(log: Log) -> Array:
+    """Sizes of the commands that hold at each pose (n, 2)."""
+    told = np.abs(speeds_of(log))
+    if log.together:
+        return told
+    order = np.argsort(log.commands.time, kind="stable")
+    at = np.searchsorted(log.commands.time[order], log.poses.time, side="right") - 1
+    return told[order][np.maximum(at, 0)]
+
+
+def jumps_of(log: Log) -> dict[str, Array]:
+    """How far position [m] and heading [rad] jump in each step, (n - 1,); 0 where they do not.
+
+    A jump is far larger than nearly all other steps between new poses, and than what was asked.
+    """
+    time, poses = log.poses.time, log.poses.values
+    rows = np.flatnonzero(np.append(True, np.any(np.diff(poses, axis=0) != 0.0, axis=1)))
+    if len(rows) < 20:  # too few to tell
+        return {}
+    asked, steps = asked_of(log).max(axis=0), np.diff(time[rows])
+    moved, whole = np.diff(poses[rows], axis=0), (steps > 0.0) & (steps <= GAP * np.median(steps))
+    found = {}
+    for k, name in enumerate(("position", "heading")):
+        size = np.abs(wrap(moved[:, 2])) if k else np.hypot(moved[:, 0], moved[:, 1])
+        usual = float(np.quantile(size[whole], USUAL)) if whole.any() else np.inf
+        jumps = whole & (size > JUMP * np.maximum(usual, float(asked[k]) * steps))
+        if jumps.any():
+            found[name] = np.zeros(len(time) - 1)
+            found[name][rows[1:][jumps] - 1] = size[jumps]
+    return found
 
 
 def _held(log: Log) -> tuple[Array, Array]:

@@ -15,22 +15,16 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.geometry import wrap
 from kmpc_lite.learn.checks import LogVerdict, judge, refuse_late, tell_delay
-from kmpc_lite.learn.cutting import GAP, cut, even_stamps, model_period
+from kmpc_lite.learn.cutting import GAP, asked_of, cut, even_stamps, jumps_of, model_period
 from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 from kmpc_lite.learn.fitting import refuse_car_like
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions, Series
-from kmpc_lite.learn.motion import speeds_of
 from kmpc_lite.types import Array
 
 SAMPLES_PER_PERIOD = 20.0
 """Samples of a stream that are kept within one of the model's periods."""
-JUMP = 10.0
-"""Ratio of a step to the largest speed asked, and to nearly all other steps."""
-USUAL = 0.95
-"""Share of the steps that are nearly all."""
 STANDING = 0.1
 """Share of the largest command below which a robot may stand."""
 LATE = 1.5
@@ -194,33 +188,21 @@ def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) ->
 
 
 def tell_poses(log: Log, dt: float) -> list[str]:
-    """What is remarkable in the poses, one line each.
-
-    `log`: in SI units. `dt`: the model's period [s].
-    """
+    """What is remarkable in the poses for a model's period [s], one line each."""
     time, poses = log.poses.time, log.poses.values
     new = np.concatenate([[True], np.any(np.diff(poses, axis=0) != 0.0, axis=1)])
     rows = np.flatnonzero(new)
     if len(rows) < 20:
         return []
-    asked = _asked(log, time)
-    told = _tell_repeats(log, dt, rows, asked)
-    steps = np.diff(poses[rows], axis=0)
-    sizes = {"position": np.hypot(steps[:, 0], steps[:, 1]), "heading": np.abs(wrap(steps[:, 2]))}
-    for k, (name, size) in enumerate(sizes.items()):
-        unit = ("m", "rad")[k]
-        told += _tell_jumps(log, rows, size, float(asked[:, k].max()), (name, unit))
+    told = _tell_repeats(log, dt, rows, asked_of(log))
+    for name, sizes in jumps_of(log).items():
+        k, unit = int(np.argmax(sizes)), "m" if name == "position" else "rad"
+        told.append(
+            f"{log.where(k + 1)}: the {name} jumps by {sizes[k]:.3g} {unit} in "
+            f"{time[k + 1] - time[k]:.2g} s ({np.count_nonzero(sizes)} such jumps), far more than "
+            "was asked: the log is cut there"
+        )
     return told
-
-
-def _asked(log: Log, time: Array) -> Array:
-    """Sizes of the commands that hold at each pose (n, 2)."""
-    told = np.abs(speeds_of(log))
-    if log.together:
-        return told
-    order = np.argsort(log.commands.time, kind="stable")
-    at = np.searchsorted(log.commands.time[order], time, side="right") - 1
-    return told[order][np.maximum(at, 0)]
 
 
 def _tell_repeats(log: Log, dt: float, rows: Array, asked: Array) -> list[str]:
@@ -249,26 +231,4 @@ def _tell_repeats(log: Log, dt: float, rows: Array, asked: Array) -> list[str]:
         f"{log.where(int(rows[longest]))}: the pose does not change for {steps[longest]:.3g} s, in "
         f"which the robot is commanded to move ({int(lost.sum())} such): blocked, or its pose was "
         "lost; cut that out"
-    ]
-
-
-def _tell_jumps(
-    log: Log, rows: Array, size: Array, asked: float, named: tuple[str, str]
-) -> list[str]:
-    """A line on steps between new poses that are far larger than all others and than asked."""
-    steps = np.diff(log.poses.time[rows])
-    period = float(np.median(steps))
-    whole = (steps > 0.0) & (steps <= GAP * period)
-    if not whole.any():
-        return []
-    usual = float(np.quantile(size[whole], USUAL))
-    jumps = whole & (size > JUMP * np.maximum(usual, asked * steps))
-    if not jumps.any():
-        return []
-    k = int(np.argmax(np.where(jumps, size, 0.0)))
-    name, unit = named
-    return [
-        f"{log.where(int(rows[k + 1]))}: the {name} jumps by {size[k]:.3g} {unit} in "
-        f"{steps[k]:.2g} s ({int(jumps.sum())} such jumps), where {asked:.2g} {unit}/s is the most "
-        "that is asked: outliers or a frame that was moved widen the margins; cut them out"
     ]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.errors import DataError, did_you_mean
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 FRAMES = ("enu", "ned", "swapped")
 """enu: x east, y north, theta counter-clockwise from x. ned: x north, y east, theta clockwise from
@@ -281,3 +281,11 @@ def in_units(series: Series, names: tuple[str, ...], given: Mapping[str, str]) -
     for k, name in enumerate(names):
         values[:, k] = units.get(name, same).apply(values[:, k])
     return replace(series, time=units.get("t", same).apply(series.time), values=values)
+
+
+def speeds_of(log: Log) -> Array:
+    """Commands v and omega (n, 2); an omni's v is complex, ahead + i left."""
+    told = log.commands.values
+    if told.shape[1] == INPUTS:
+        return told
+    return np.column_stack([told[:, 0] + 1j * told[:, 1], told[:, 2]])

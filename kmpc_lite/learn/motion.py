@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.geometry import wrap
-from kmpc_lite.learn.cutting import GAP, stretches
-from kmpc_lite.learn.logs import Log
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.learn.cutting import GAP, jumps_of, stretches
+from kmpc_lite.learn.logs import Log, speeds_of
+from kmpc_lite.types import Array
 
 MOST_ROWS, STRETCHES = 20_000, 8
 """Most rows that are looked at; of a longer log, stretches spread over all of it."""
@@ -109,6 +109,8 @@ def gather(log: Log) -> Motion | None:
         return None
     period = float(np.median(growing))
     whole = (steps > 0.0) & (steps <= GAP * period) & inside[:-1] & inside[1:]
+    for jumped in jumps_of(log).values():
+        whole &= jumped == 0.0
     # gaps take one period, so that rows stay as many as there were
     clock = np.concatenate([[0.0], np.cumsum(np.where(whole, steps, period))])
     sums = np.vstack([np.zeros(2), np.cumsum(_asked(log, time) * whole[:, None], axis=0)])
@@ -137,14 +139,6 @@ def _asked(log: Log, time: Array) -> Array:
     sums = np.vstack([np.zeros(2), np.cumsum(held[:-1] * np.diff(when)[:, None], axis=0)])
     at = np.clip(np.searchsorted(when, time, side="right") - 1, 0, len(when) - 1)
     return np.diff(sums[at] + held[at] * np.maximum(time - when[at], 0.0)[:, None], axis=0)
-
-
-def speeds_of(log: Log) -> Array:
-    """Commands v and omega (n, 2); an omni's v is complex, ahead + i left."""
-    told = log.commands.values
-    if told.shape[1] == INPUTS:
-        return told
-    return np.column_stack([told[:, 0] + 1j * told[:, 1], told[:, 2]])
 
 
 def _change(steps: Array) -> float:

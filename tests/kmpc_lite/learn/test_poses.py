@@ -10,6 +10,7 @@ from foreign_logs import drive, rows
 from valid_logs import KINDS, as_log, valid
 
 from kmpc_lite.cli import main as cli
+from kmpc_lite.learn.cutting import cut
 from kmpc_lite.learn.loading import tell_poses
 
 TABLE = rows(drive(120.0, rate=50.0, noise=(0.002, 0.002)))
@@ -61,6 +62,8 @@ def test_what_is_wrong_with_poses_is_reported_with_its_size(
 ) -> None:
     told = tell_poses(as_log(change(TABLE.copy())), 0.1)
     assert any(re.search(words, line) for line in told), told
+    parts = len(cut(as_log(change(TABLE.copy())), 0.1))
+    assert parts == 1 if "jumps" not in words else parts > 1
 
 
 def test_inspect_and_fit_report_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

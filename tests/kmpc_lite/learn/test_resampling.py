@@ -26,9 +26,6 @@ def test_windows_cut_without_losing_a_step() -> None:
             data.windows(seconds)
 
 
-# resampling
-
-
 @pytest.mark.parametrize("dt", [0.05, 0.2, 0.3, 0.5, 1.0])
 def test_resampling_conserves_what_was_commanded(dt: float) -> None:
     drive = wandering(60, 0.1)

@@ -128,9 +128,6 @@ def test_a_dictionary_of_ones_own(tmp_path: Path) -> None:
         kl.KoopmanModel.load(tmp_path / "own.npz")
 
 
-# damage
-
-
 def test_a_flipped_byte_never_changes_a_model(saved: Path) -> None:
     whole, model = saved.read_bytes(), kl.KoopmanModel.load(saved)
     random, refused = np.random.default_rng(0), 0
