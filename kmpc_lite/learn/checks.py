@@ -19,7 +19,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.lag import LONGEST
-from kmpc_lite.learn.logs import ALIKE, ANGLE, Log, reread
+from kmpc_lite.learn.logs import ALIKE, Log, parse_units, reread
 from kmpc_lite.learn.motion import DEGREES, GOOD, TIMES, Match, Motion, gather, match, moving_sum
 
 OFFSET, SURE = 25.0, 4.0
@@ -56,7 +56,7 @@ class Case:
     def of(cls, log: Log, motion: Motion) -> Case:
         """Choose the reading of theta that fits: the given one, unless another is far better."""
         moves, turns = {}, {}
-        read = ANGLE.get(log.units.get("theta", "rad").strip("-"), 1.0)
+        read = abs(parse_units({"theta": log.units.get("theta", "rad")})["theta"].scale)
         other = DEGREES if read == 1.0 else 1.0 / read
         for sign, scale in product((1, -1), (1.0, other)):
             steps, turned = motion.turned(sign, scale)
@@ -69,11 +69,8 @@ class Case:
         plain, else_ = turns[1, 1.0], turns[1, other]
         if else_.sure and plain.loses_to(else_.share):
             scale = other
-        if (
-            not moves[best].sure
-            and plain.sure
-            and 1.0 < ALIKE * abs(plain.factor) * other < ALIKE**2
-        ):
+        alike = 1.0 / ALIKE < abs(plain.factor) * other < ALIKE
+        if alike and plain.sure and not moves[best].sure:
             scale = other
         key = (sign, scale)
         return cls(log, motion, moves[key], turns[key], sign, scale)
