@@ -1,5 +1,1 @@
-"""The nonlinear program: QP, solver, SQP passes.
-
-The answer of a QP solver that fails has the status `QPStatus.FAILED`; `control/fallback.py` then
-says what the robot does.
-"""
+"""The nonlinear program: QP, solver, SQP passes; where it fails, `verification` takes over."""

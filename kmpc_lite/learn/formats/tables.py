@@ -6,7 +6,7 @@ import csv
 import io
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -97,6 +97,10 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     poses = Series(time, _poses(table, options), str(file))
     if options.commands is not None:
         other, more = _read(options.commands, options, poses=False)
+        for name, theirs in options.columns.items():
+            if theirs not in (*found.header, *other.found.header):
+                lacks = f"{file}: columns: {name}={short(theirs)}: no such column"
+                raise DataError(f"{lacks}, nor in {options.commands}")
         values, kinds = _commands(other, options)
         held = Series(other.columns["t"], values, str(other.file))
         held = in_units(held, kinds, other.found.units)
@@ -119,6 +123,13 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         geometry={"track": options.track} if wheels and options.track else {},
     )
     return two_or_three(correct(log, ReadOptions(units=found.units)))
+
+
+def _chosen(options: ReadOptions, header: Sequence[str]) -> Mapping[str, str]:
+    """Columns that the user names; of two tables each has some."""
+    if options.commands is None:
+        return options.columns
+    return {name: theirs for name, theirs in options.columns.items() if theirs in header}
 
 
 def _read(file: Path, options: ReadOptions, poses: bool = True) -> tuple[Table, tuple[str, ...]]:
@@ -223,7 +234,8 @@ def _read_npz(file: Path, options: ReadOptions, poses: bool) -> Table:
     """Columns from one array each."""
     try:
         names = read_npz(file, ())[1]
-        found = find_columns(file, names, options.columns, "arrays", poses, options.units)
+        chosen = _chosen(options, names)
+        found = find_columns(file, names, chosen, "arrays", poses, options.units)
         arrays, _ = read_npz(file, found.names.values(), MAX_NPZ_BYTES)
     except (OSError, DataError):
         raise
@@ -282,9 +294,8 @@ def _read_text(file: Path, options: ReadOptions, poses: bool, tolerant: bool) ->
     """Read the columns; a table in which every value is a number takes a tenth of the time."""
     with closing(text_lines(file, MAX_LINE)) as lines:
         layout = _layout(file, lines)
-        found = find_columns(
-            file, layout.header, options.columns, layout.where, poses, options.units
-        )
+        chosen = _chosen(options, layout.header)
+        found = find_columns(file, layout.header, chosen, layout.where, poses, options.units)
         where, rows = partial(_line_of, file, layout), _rows(file, lines, layout)
         if (first := next(rows, None)) is None:
             return Table(file, found, {name: np.empty(0) for name in found.where}, where)

@@ -152,7 +152,7 @@ class ResponseDictionary(LiftedAsBase):
     def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array | None:
         """Slopes of `inputs` to steer by: (..., nw, 1 + L, m), by each age's command, newest first.
 
-        Its derivatives but for ``|omega|`` and ``omega^2`` (`terms.differentiate_terms`).
+        Its derivatives but for ``|omega|`` and ``omega^2`` (`differentiate_terms`).
         """
         if self.steered:
             answered, by_command = self._steered(u, history)

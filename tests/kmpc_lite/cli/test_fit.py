@@ -73,9 +73,6 @@ def test_what_lags_may_be() -> None:
         read_lags(["some"], False)
 
 
-# logs of every kind
-
-
 def test_a_suspect_log_is_refused_with_the_option_that_mends_it(
     late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

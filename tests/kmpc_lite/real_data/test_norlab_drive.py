@@ -88,9 +88,6 @@ def test_the_covariance_of_a_step_is_that_of_the_residuals(robot: str, dictionar
         np.testing.assert_allclose(predicted, kl.evaluate(model, data).one_step, rtol=tolerance)
 
 
-# what `kmpc fit` learns by default
-
-
 @cache
 def chosen(robot: str) -> kl.KoopmanModel:
     """Lag and slip as the even windows support them."""

@@ -83,6 +83,11 @@ def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None
     with pytest.raises(kl.DataError, match="poses from 0 to .* s, commands from -100 to"):
         kl.Dataset.load(poses, commands=early)
     assert kl.Dataset.load(poses, commands=early, shift=100.0).steps > 30
+    named = written(tmp_path / "named.csv", "a,b,c", ",", TABLE[:, [0, 4, 5]])
+    columns = {"t": "a", "v": "b", "omega": "c"}
+    assert kl.Dataset.load(poses, commands=named, columns=columns).steps > 30
+    with pytest.raises(kl.DataError, match="theta=d: no such column, nor in"):
+        kl.Dataset.load(poses, commands=named, columns={**columns, "theta": "d"})
 
 
 def test_headings_of_quaternions_of_any_length() -> None:
