@@ -12,7 +12,7 @@ from typing import Any
 
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
-from firmware_bridge.integration.course import scenario_of
+from firmware_bridge.integration.course import misplaced, own_frame, scenario_of
 from firmware_bridge.integration.model_gate import describe_model
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import BridgeError, LidarError, LinkError, VelocityCommand
@@ -169,8 +169,6 @@ def _place(driver: Driver, robot: Robot) -> list[Finding]:
     state = driver.state()
     if robot.control.scenario is None or not robot.control.map or state is None:
         return []
-    from firmware_bridge.integration.course import misplaced, own_frame
-
     scenario = scenario_of(robot)
     here = placed(state, own_frame(robot, scenario))
     wrong = misplaced(scenario, (here.x, here.y, here.theta))

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from firmware_bridge.integration.model_gate import load_model
 from firmware_bridge.messages import ConfigError, command_of, speeds_of
 from firmware_bridge.robot_file import Robot
-from firmware_bridge.runtime.navigator import Pose
-from kmpc_lite.scenario.overrides import NO_AREA, DriveOverrides
+from firmware_bridge.runtime.navigator import Navigator, Planned, Pose, Route, Task
+from kmpc_lite.scenario.overrides import NO_AREA, DriveOverrides, drawn_table
 
 if TYPE_CHECKING:
-    from firmware_bridge.runtime.navigator import Moment, Route, Step
+    from firmware_bridge.runtime.navigator import Moment, Step
 
 Look = Callable[["Moment"], tuple[list[Any], Any] | None]
 """What a robot sees: obstacles, and the scan among them, if any; None while it is blind."""
@@ -80,7 +80,6 @@ def course(
     if not given. Raises ConfigError for a scenario or a model that cannot be used.
     """
     import kmpc_lite as kl
-    from firmware_bridge.runtime.navigator import Navigator, Route, Task
 
     if click and not overrides.goals and robot.control.scenario is None:
         overrides = overrides._replace(goals=(HERE,))
@@ -166,7 +165,6 @@ def scenario_of(robot: Robot, overrides: DriveOverrides = NO_OVERRIDES) -> Any:
     from kmpc_lite.errors import KmpcError
     from kmpc_lite.reading import parse_toml
     from kmpc_lite.scenario.files import Scenario
-    from kmpc_lite.scenario.overrides import drawn_table
 
     named = robot.control.scenario
     if named is None and not overrides.goals:
@@ -291,8 +289,6 @@ def planning(
     With `look`, its obstacles count instead of the lidar's, and who drives to goals that come while
     it drives plans nothing at a goal that is held: others may drive then.
     """
-    from firmware_bridge.runtime.navigator import Planned
-
     solids = () if scenario.solids is None else scenario.solids.solids
     inputs = controller.problem.wheels.inputs
     told, yields = robot.control.map, look is not None and route.clicked

@@ -211,8 +211,8 @@ def with_quantiles(
     """Return the model with a table of calibrated quantiles.
 
     The table is ``info["noise_quantiles"]``, which `save` keeps. Risks that the held-out drives
-    are too few for are left out; `kmpc_lite.control.margins` extends the table by its
-    slope.
+    are too few for are left out; `kmpc_lite.control.margins` extends the table
+    by its slope.
     """
     values = scores(model, let_through(held_out, Ramps.of(model.info)))
     table = [

@@ -8,7 +8,7 @@ large or fast a robot is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -113,11 +113,6 @@ class Case:
         spread = np.sqrt(np.vdot(left, left).real * inverse[0, 0] / count)
         return float(np.angle(weights[0])), float(spread / max(abs(weights[0]), 1e-300))
 
-    def unit(self, column: str, factor: float = 1.0, offset: float = 0.0) -> str | None:
-        """Option that makes of a column `factor` times what it was, and an offset more [rad]."""
-        told = reread(column, self.log.units.get(column), factor, offset)
-        return told and f"{column}={told}"
-
     @property
     def theta_unit(self) -> str:
         """What mends theta."""
@@ -127,7 +122,7 @@ class Case:
         if abs(offset) >= OFFSET and (turned or self.sign > 0):
             near = 90.0 * round(offset / 90.0)
             angle = near if abs(offset - near) < 20.0 else offset
-        told = self.unit("theta", -self.scale if turned else self.scale, radians(angle))
+        told = self.log.unit("theta", -self.scale if turned else self.scale, radians(angle))
         return f"--units {told}"
 
     @property
@@ -201,7 +196,7 @@ def _mirrored(case: Case) -> str | None:
         return None
     offset = degrees(case.offset[0])
     if not case.turns.sure:
-        other = f", or y has the other sign (--units {case.unit('y', -1.0)})"
+        other = f", or y has the other sign (--units {case.log.unit('y', -1.0)})"
         other = other if abs(offset) < OFFSET else ""
         return f"the path is seen in a mirror: theta is clockwise ({case.theta_unit}){other}"
     if not case.mirrored_path:
@@ -210,8 +205,8 @@ def _mirrored(case: Case) -> str | None:
             f"theta turns the other way than the path: it is clockwise{compass}; {case.theta_unit}"
         )
     what, option = {
-        0: ("y has the other sign", f"--units {case.unit('y', -1.0)}"),
-        2: ("x has the other sign", f"--units {case.unit('x', -1.0)}"),
+        0: ("y has the other sign", f"--units {case.log.unit('y', -1.0)}"),
+        2: ("x has the other sign", f"--units {case.log.unit('x', -1.0)}"),
     }.get(round(offset / 90.0) % 4, ("x and y are exchanged", "--frame swapped"))
     return f"the path is seen in a mirror, though theta turns as commanded: {what}; {option}"
 
@@ -233,8 +228,8 @@ def _rotated(case: Case) -> str | None:
         return None
     return (
         "v > 0 drives backwards, against theta: v has the other sign (--units "
-        f"{case.unit('v', -1.0)}), or theta is off by half a turn (--units "
-        f"{case.unit('theta', 1.0, np.pi)})"
+        f"{case.log.unit('v', -1.0)}), or theta is off by half a turn (--units "
+        f"{case.log.unit('theta', 1.0, np.pi)})"
     )
 
 
@@ -251,7 +246,7 @@ def _turns_the_other_way(case: Case) -> str | None:
         )
     return (
         "omega > 0 lowers theta: either the poses are x north, y east, theta clockwise "
-        f"(--frame ned), or omega is clockwise (--units {case.unit('omega', -1.0)})"
+        f"(--frame ned), or omega is clockwise (--units {case.log.unit('omega', -1.0)})"
     )
 
 
@@ -264,7 +259,7 @@ def _both_units(case: Case) -> str | None:
     if not 0.5 < by / other < 2.0 or case.log.shares:
         return None
     if case.log.steered:
-        unit = case.unit("v", by) or f"v={by:.3g}, the size of its unit [m/s]"
+        unit = case.log.unit("v", by) or f"v={by:.3g}, the size of its unit [m/s]"
         return f"the car drives {by:.3g} of what v says: --units {unit}"
     if not case.log.wheel_speeds:
         return (
@@ -280,29 +275,29 @@ def _both_units(case: Case) -> str | None:
     )
 
 
+def _every_unit(log: Log, columns: Iterable[str], factor: float) -> str | None:
+    """Options that make of each column `factor` times what it was; None without a unit of one."""
+    told = [log.unit(n, factor) for n in columns]
+    return None if None in told else " ".join(map(str, told))
+
+
 def _length_unit(case: Case) -> str | None:
     """Steps are another size than v gives, turns are not."""
     if not case.moves.sure or case.is_usual(case.moves) or _time_unit(case) or _both_units(case):
         return None
     by, told, wheels = abs(case.moves.factor), case.log.units, case.log.wheel_speeds
     longer = f"the path is {by:.3g} times as long as v says"
-    sides = [f"{case.unit(n, 1.0 / by)}" for n in "xy"]
-    speed = None if wheels else case.unit("v", by)
-    if speed and "lateral" in case.log.columns:
-        speed += f" {case.unit('lateral', by)}"
+    ways = [n for n in ("v", "lateral") if n in case.log.columns]
+    places = _every_unit(case.log, "xy", 1.0 / by)
+    speed = None if wheels else _every_unit(case.log, ways, by)
     read = [f"{n} was read in {told[n]}" for n in ("x", "y", "v", "lateral") if n in told]
-    if (
-        read
-        and sides[0][2:] not in ("None", "km")
-        and case.turns.sure
-        and case.is_usual(case.turns)
-    ):
+    meant = read and places and not places.startswith("x=km")
+    if meant and case.turns.sure and case.is_usual(case.turns):
         other = f", or --units {speed}" if speed else ""
-        return f"{longer}: {', '.join(read)}; --units {' '.join(sides)}{other}"
-    unit, what = (sides[0], "x and y are") if by > 1.0 else (speed or "None", "v is")
-    if unit != "None" and not wheels and not read:
-        option = " ".join(sides) if by > 1.0 else unit
-        return f"{longer}: {what} in {unit.split()[0].partition('=')[2]}; --units {option}"
+        return f"{longer}: {', '.join(read)}; --units {places}{other}"
+    option, what = (places, "x and y are") if by > 1.0 else (speed, "v is")
+    if option and not wheels and not read:
+        return f"{longer}: {what} in {option.split()[0].partition('=')[2]}; --units {option}"
     return (
         f"{longer}: expected m and m/s (longitude and latitude are neither); --units x=... y=... "
         "v=..."
@@ -321,9 +316,9 @@ def _turn_unit(case: Case) -> str | None:
     if case.log.wheel_speeds:
         return f"{told}, moves at {abs(case.moves.factor):.3g} of v: is --track right, in m?"
     # steps along theta tell that it is read as it should be
-    if (unit := case.unit("omega", by)) and (case.moves.sure or by < 1.0):
+    if (unit := case.log.unit("omega", by)) and (case.moves.sure or by < 1.0):
         return f"{told}: it is in {unit.partition('=')[2]}; --units {unit}"
-    if case.scale == 1.0 and (unit := case.unit("theta", 1.0 / by)):
+    if case.scale == 1.0 and (unit := case.log.unit("theta", 1.0 / by)):
         return f"{told}: theta is in {unit.partition('=')[2]}; --units {unit}"
     return f"{told}: expected rad/s (deg/s: 0.0175, rpm: 0.105); --units omega=... theta=..."
 
@@ -447,9 +442,8 @@ NEVER_MOVES = (
 def _find_aside(log: Log, motion: Motion) -> str | None:
     """What is wrong with an omni's two speeds where they fit otherwise, and only so."""
 
-    def mended(*columns: str) -> str:
-        told = (f"{n}={reread(n, log.units.get(n), -1.0)}" for n in columns)
-        return f"--units {' '.join(told)}"
+    def mended(column: str) -> str:
+        return f"--units {log.unit(column, -1.0)}"
 
     asked, (here, _), (seen, _) = motion.asked[:, 0], motion.turned(1, 1.0), motion.turned(-1, 1.0)
     flat = match(motion, np.where(motion.whole, motion.steps, 0.0), asked)

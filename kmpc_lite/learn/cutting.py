@@ -153,7 +153,7 @@ def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Epi
     own; other logs get 0.1 s, or that of their poses if it is longer. `gap`: a longer time between
     poses [s] ends an episode. Raises DataError if no episode is left.
     """
-    time, (when, held) = log.poses.time, _held(log)
+    time, (when, held) = log.poses.time, in_order(log, log.commands.values)
     steps, stretch = np.diff(time), stretches(log)
     growing = steps[steps > 0.0]
     period = float(np.median(growing)) if len(growing) else 0.0
@@ -203,9 +203,9 @@ def asked_of(log: Log) -> Array:
     told = np.abs(speeds_of(log))
     if log.together:
         return told
-    order = np.argsort(log.commands.time, kind="stable")
-    at = np.searchsorted(log.commands.time[order], log.poses.time, side="right") - 1
-    return told[order][np.maximum(at, 0)]
+    when, held = in_order(log, told)
+    at = np.searchsorted(when, log.poses.time, side="right") - 1
+    return held[np.maximum(at, 0)]
 
 
 def jumps_of(log: Log) -> dict[str, Array]:
@@ -230,10 +230,10 @@ def jumps_of(log: Log) -> dict[str, Array]:
     return found
 
 
-def _held(log: Log) -> tuple[Array, Array]:
-    """Times of commands (n,) in order, and commands."""
+def in_order(log: Log, commands: Array) -> tuple[Array, Array]:
+    """Times of commands (n,) in order, and what was commanded then (n, m)."""
     order = np.argsort(log.commands.time, kind="stable")
-    return log.commands.time[order], log.commands.values[order]
+    return log.commands.time[order], commands[order]
 
 
 def _unwrapped(poses: Array) -> Array:

@@ -211,6 +211,11 @@ class Log:
         """Time between the first and the last pose [s]."""
         return float(self.poses.time[-1] - self.poses.time[0])
 
+    def unit(self, column: str, factor: float = 1.0, offset: float = 0.0) -> str | None:
+        """Option that makes of a column `factor` times what it was, and an offset more [SI]."""
+        told = reread(column, self.units.get(column), factor, offset)
+        return told and f"{column}={told}"
+
 
 @dataclass(frozen=True)
 class ReadOptions:

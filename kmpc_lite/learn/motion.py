@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.geometry import wrap
-from kmpc_lite.learn.cutting import GAP, jumps_of, stretches
+from kmpc_lite.learn.cutting import GAP, in_order, jumps_of, stretches
 from kmpc_lite.learn.logs import Log, speeds_of
 from kmpc_lite.types import Array
 
@@ -134,8 +134,7 @@ def _asked(log: Log, time: Array) -> Array:
     told = speeds_of(log)
     if log.together:
         return told[:-1] * np.maximum(np.diff(time), 0.0)[:, None]
-    order = np.argsort(log.commands.time, kind="stable")
-    when, held = log.commands.time[order], told[order]
+    when, held = in_order(log, told)
     sums = np.vstack([np.zeros(2), np.cumsum(held[:-1] * np.diff(when)[:, None], axis=0)])
     at = np.clip(np.searchsorted(when, time, side="right") - 1, 0, len(when) - 1)
     return np.diff(sums[at] + held[at] * np.maximum(time - when[at], 0.0)[:, None], axis=0)

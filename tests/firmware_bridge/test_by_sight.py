@@ -8,7 +8,7 @@ import pytest
 from robots import Clock
 
 import kmpc_lite as kl
-from firmware_bridge.integration.course import laser_scan
+from firmware_bridge.integration.course import course, laser_scan
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.controller_thread import unicycle_arc
@@ -17,8 +17,9 @@ from firmware_bridge.sensors.lidar.ld06 import Ld06
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.sight import Sight
 from kmpc_lab.emulator import lidar as emulated
-from kmpc_lab.emulator.lidar import Ld06Emulator
+from kmpc_lab.emulator.lidar import Ld06Emulator, emulated_lidar
 from kmpc_lab.emulator.vesc import VescEmulator
+from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.world import World, world_of
 
 PILLAR = (1.0, 0.05, 0.2)
@@ -65,9 +66,6 @@ def test_a_pillar_on_no_map_is_passed_by_the_bytes_of_a_lidar():
 @pytest.fixture
 def robot(tmp_path):
     """A robot with a lidar, both emulated, in four_circles_1; gives what is needed to drive."""
-    from kmpc_lab.emulator.lidar import emulated_lidar
-    from kmpc_lite.scenario.files import Scenario
-
     scenario = Scenario.load("four_circles_1")
     sections = {
         "link": {"url": f"pty:{tmp_path / 'vesc'}", "driver": "vesc"},
@@ -92,8 +90,6 @@ def robot(tmp_path):
 
 def drive(robot, seconds, also=None):
     """Drive by sight; gives the report, and the navigator."""
-    from firmware_bridge.integration.course import course
-
     job = course(robot, 0.5, seconds)
     if also is not None:
         threading.Thread(target=also, args=(job.navigator,), daemon=True).start()

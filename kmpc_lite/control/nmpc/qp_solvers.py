@@ -176,8 +176,6 @@ def choose_solver(solver: str | MakeSolver, qp: NavigationQP, options: OSQPOptio
         from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace, osqp_settings
 
         return OSQPWorkspace(qp.P, qp.q, qp.A, qp.lower, qp.upper, **osqp_settings(options))
-    from kmpc_lite.control.nmpc.qp_solvers import QpsolversBackend
-
     return QpsolversBackend(solver, qp.P, qp.A, options.tolerance)
 
 

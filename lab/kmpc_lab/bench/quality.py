@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
-from kmpc_lab.peers.ipopt import short_way
+from kmpc_lab.peers.ipopt import IpoptController, short_way
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.kernels import clearance as things
 from kmpc_lite.control.problem import NavigationProblem
@@ -65,8 +65,6 @@ def compare(
 
     Raises KmpcError if CasADi is missing.
     """
-    from kmpc_lab.peers.ipopt import IpoptController
-
     ours = Controller(
         model,
         problem,

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from kmpc_lab.studies.catalogue import STUDIES
-from kmpc_lab.studies.study import Study, Work, check_resume
+from kmpc_lab.studies.study import Study, Work, check_resume, executor
 from kmpc_lite.cli.command import Command, count, need
 from kmpc_lite.cli.output import ProgressBar
 
@@ -38,8 +38,6 @@ def add_options(study: Study, parser: argparse.ArgumentParser) -> None:
 
 def run(study: Study, options: argparse.Namespace) -> int:
     """Drive what is asked for; status 1 if a drive of ours touched something."""
-    from kmpc_lab.studies.study import executor
-
     given = [getattr(options, name.replace("-", "_")) for name in study.needs]
     values = [axis.choose(f"--{name}", getattr(options, name)) for name, axis in study.axes.items()]
     check_resume(options.records, options.resume)

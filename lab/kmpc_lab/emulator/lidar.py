@@ -42,7 +42,7 @@ from firmware_bridge.sensors.lidar.rplidar import (
     descriptor,
     request,
 )
-from kmpc_lite.scenario.world import World
+from kmpc_lite.scenario.world import World, world_of
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -355,8 +355,6 @@ class Eyes:
             raise ConfigError("--lidar: the robot has no [lidar]: give --lidar NAME")
         if scenario is None:
             raise ConfigError("--lidar: nothing to see: give --scenario NAME")
-        from kmpc_lite.scenario.world import world_of
-
         self._options, self._world, self._seed = options, world_of(scenario), seed
 
     def served(self, pose: Callable[[], Pose]) -> tuple[LidarEmulator, str]:

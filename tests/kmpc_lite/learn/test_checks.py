@@ -67,6 +67,14 @@ def test_the_option_that_is_named_mends_it(wrong: str, read: dict[str, str]) -> 
     assert suspects_of(log) == []
 
 
+@pytest.mark.parametrize("by", [0.15, 7.0])
+def test_no_option_is_named_where_no_unit_fits(by: float) -> None:
+    table = rows(drive(90.0, rate=20.0, seed=4)) * [1, 1e3 * by, 1e3 * by, 1, 1, 1]
+    read = ReadOptions(units={"x": "mm", "y": "mm"})
+    told = suspects_of(correct(as_log(table), read))
+    assert len(told) == 1 and told[0].endswith("--units x=... y=... v=..."), told
+
+
 ALIKE = ("y mirrored", "unrelated", "later", "exchanged")
 """What may be meant: who hardly turns, or hardly reverses, looks alike without the sign."""
 

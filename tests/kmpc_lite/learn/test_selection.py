@@ -8,8 +8,9 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.learn.lag import AT_ONCE
+from kmpc_lite.learn.regression import symmetric_generator
 from kmpc_lite.learn.selection import select
-from kmpc_lite.model.dictionary.response import TERMS
+from kmpc_lite.model.dictionary.response import TERMS, ResponseDictionary
 
 TRIG = kl.HermiteTrigDictionary(0)
 
@@ -70,9 +71,6 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
     random = np.random.default_rng(4)
     rows = np.zeros((3, len(TERMS)))
     rows[0, 0], rows[2, 1], rows[0, 4], rows[1, 2] = 1.0, 0.6, -0.15, -0.1
-    from kmpc_lite.learn.regression import symmetric_generator
-    from kmpc_lite.model.dictionary.response import ResponseDictionary
-
     late = ResponseDictionary(TRIG, terms=TERMS, smoothing=(0.05, 0.1), limits=(1.0, 2.0))
     zeros = np.zeros((3, 3)), np.zeros((3, len(TERMS)))
     truth = kl.KoopmanModel(late, 0.1, *zeros, symmetric_generator(late, *rows), np.eye(3), True)

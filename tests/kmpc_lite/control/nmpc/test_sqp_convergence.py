@@ -8,7 +8,7 @@ import pytest
 from kkt import Certificate, certify, goal_reference
 
 import kmpc_lite as kl
-from kmpc_lab.peers.ipopt import AREA
+from kmpc_lab.peers.ipopt import AREA, IpoptController
 
 GOAL = (1.5, 1.5, 0.0)
 MAP = (
@@ -117,8 +117,6 @@ def test_cost_is_ipopts_or_less(
     x: tuple[float, float, float], name: str, models: dict[str, kl.KoopmanModel]
 ) -> None:
     pytest.importorskip("casadi", reason="needs the extra peers")
-    from kmpc_lab.peers.ipopt import IpoptController
-
     problem = kl.NavigationProblem()
     controller = kl.Controller(models[name], problem, **PAPER, sqp_iterations=200, tolerance=1e-7)
     ours = controller.step(x, GOAL, MAP)
