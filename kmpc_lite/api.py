@@ -44,7 +44,6 @@ __all__ = [
     "LaserScan",
     "ModelError",
     "NavigationProblem",
-    "ObstacleTracker",
     "OccupancyGrid",
     "Omni",
     "Path",

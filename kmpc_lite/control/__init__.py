@@ -8,7 +8,6 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.shapes import Circle, Polygon, Wall
-from kmpc_lite.control.world.tracker import ObstacleTracker
 
 __all__ = [
     "Circle",
@@ -19,7 +18,6 @@ __all__ = [
     "GuidanceOptions",
     "LaserScan",
     "NavigationProblem",
-    "ObstacleTracker",
     "OccupancyGrid",
     "Plan",
     "PlanStatus",

@@ -163,30 +163,35 @@ class StandstillWatch:
         drives = progress is GoalProgress.DRIVING and on_its_way
         # a robot that does not drive, but waits or holds, begins anew when it drives
         drives = drives or reason.startswith((NO_PROGRESS, UNSEEN))
-        moved, turned = math.dist(here[:2], state.place[:2]), here[2] - state.place[2]
-        stays = moved <= STANDS.item(0) and abs(math.remainder(turned, math.tau)) <= STANDS.item(1)
-        if not (drives and stays and aim == state.place[3:]):
-            state.place, state.time, state.asked = (*here, *aim), 0.0, np.zeros(2)
+        turned = abs(math.remainder(here[2] - state.place[2], math.tau))
+        moved = np.array((math.dist(here[:2], state.place[:2]), turned))
+        if not (drives and (moved <= STANDS).all() and aim == state.place[3:]):
+            state.place, state.time, moved = (*here, *aim), 0.0, np.zeros(2)
+            state.ways = np.zeros((2, 2))
         elif state.time > self._longest and (why := self._why(state)):
             return "; ".join(filter(None, (reason, why))), GoalProgress.WAITING
         state.time += self._dt
-        state.asked = state.asked + self._dt * np.abs(speeds(command))
+        asked, farthest = state.ways
+        asked = asked + self._dt * np.abs(speeds(command))
+        state.ways = np.stack([asked, np.fmax(farthest, moved)])
         return reason, progress
 
     def _why(self, state: StandstillState) -> str:
         """What a user can do about it; nothing of a robot that is slow."""
-        way, turn = state.asked.tolist()
+        asked, moved = state.ways
+        way, turn = asked.tolist()
         seconds = state.time * self._scale.time
         stands = f"the robot has not moved for {seconds:.3g} s"
-        asked = f"by {way * self._scale.length:.2g} m and {turn:.2g} rad"
-        if (state.asked > STANDS).any():
+        by = f"by {way * self._scale.length:.2g} m and {turn:.2g} rad"
+        # what turns round, or parks, in a small place moves by more
+        if (asked > STANDS).any() and (3.0 * moved <= STANDS).all():
             return (
-                f"{stands}, though it was commanded to, {asked}: motors off, wheels blocked, or "
+                f"{stands}, though it was commanded to, {by}: motors off, wheels blocked, or "
                 "poses that do not change"
             )
-        if (state.asked < state.time * self._little).all():
+        if (asked < state.time * self._little).all():
             return (
-                f"{stands}: its commands would have moved it {asked} only; its limits, its model, "
+                f"{stands}: its commands would have moved it {by} only; its limits, its model, "
                 "or what stands beside it allow no more"
             )
         return ""

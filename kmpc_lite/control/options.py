@@ -312,11 +312,7 @@ class SightOptions:
 
 @dataclass(frozen=True, slots=True)
 class TrackerOptions:
-    """What is believed of sensors that see circles, and of what walks.
-
-    Times are the robot's in a controller, and by the clock in an `ObstacleTracker`, which knows of
-    no robot.
-    """
+    """What is believed of sensors that see circles, and of what walks; times are the robot's."""
 
     noise: float = radii(2 / 15, zero=False)
     """Standard deviation of a seen position along each axis [radii]: 2 cm for a radius of 15 cm, as

@@ -149,7 +149,9 @@ class SafeMotions:
         states = self.rollout(task.model, here, commands, task.past)
         steps = states[:, 1:] - states[:, :-1]
         distances = np.hypot(steps[..., 0], steps[..., 1])
-        longest = float(distances.max())
+        # what sticks out moves by turning, too
+        travel = distances + self._reach * np.abs(steps[..., 2])
+        longest = float(travel.max())
         count, begin = samples_a_period(longest, self._unit), places_of(self._footprint, here)
         poses = library.samples(states, count)
         if task.rolls_on is not None:
@@ -164,11 +166,10 @@ class SafeMotions:
         needed = margins.of_motions(felt, distances, steps[..., 2]).repeat(count, axis=1)
         ends = count * (motions.ends + task.model.history)
         # of most motions this is enough to know
-        travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
         error = margins.most_of_commands(felt, commands[:, 0]) + felt.pose_error
-        chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
+        chord = longest / count
         lost = chord * chord / (8.0 * self._unit)
-        sure = library.surely_clear(clearance, needed, error, travel, ends, lost)
+        sure = library.surely_clear(clearance, needed, error, travel[:, 0], ends, lost)
         if sure[0]:
             return sure
         standing = around.clearance(begin[None, None], times, begin, at_rest) - radius

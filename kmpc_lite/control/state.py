@@ -32,8 +32,9 @@ class StandstillState:
     """Pose that it has not moved away from, and its goal: another one is a new beginning."""
     time: float = 0.0
     """Since it came there [s]."""
-    asked: Array = field(default_factory=lambda: np.zeros(2))
-    """How far its commands would have driven it since [m], and turned it [rad]."""
+    ways: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    """How far its commands would have driven it since [m], and turned it [rad]; and how far it has
+    come from there at the most."""
 
 
 @dataclass(slots=True)

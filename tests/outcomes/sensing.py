@@ -153,14 +153,3 @@ class Both:
     def __call__(self, moment: Moment) -> Any:
         """Scan and circles."""
         return [*self.scanner(moment), *(kl.Circle(*row) for row in rows_only(moment).tolist())]
-
-
-class Tracked:
-    """Circles without velocities through an `ObstacleTracker`."""
-
-    def __init__(self, dt: float, noise: float = 0.01) -> None:
-        self._tracker, self._noisy = kl.ObstacleTracker(dt), NoisyRows(noise)
-
-    def __call__(self, moment: Moment) -> Any:
-        """Circles with the velocities that were seen."""
-        return self._tracker.update(self._noisy(moment))

@@ -10,7 +10,6 @@ from kmpc_lite.control.kernels.tracks import (
     COVARIANCE,
     GIVEN,
     MOVING,
-    PLACES,
     RADIUS,
     SEEN,
     SOURCE,
@@ -21,7 +20,7 @@ from kmpc_lite.control.kernels.tracks import (
 from kmpc_lite.control.world.local_map import window_between
 from kmpc_lite.control.world.rays import numbers_of
 
-FEWEST = 3
+FEWEST, PLACES = 3, 2
 ITSELF = np.eye(STATES)
 NEIGHBOURS, SAME_SURFACE, INDEPENDENT = 8, 3.0, 2
 

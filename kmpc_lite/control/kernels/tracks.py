@@ -15,4 +15,3 @@ COLUMNS = 39
 """Of a track: state (5), its covariance (5, 5) row by row, radius, velocity that was given (2),
 whether it has another one, since when it is followed, for how long it is hidden, for how long scans
 have shown it to leave its place, its number, and which sensor it is followed by."""
-PLACES = 2

@@ -4,8 +4,9 @@ From its goal back, a robot's own motions lead to ever more poses; of those in o
 heading the cheapest is kept, so that the tree becomes the field of the cost to go. Those that seem
 nearest to the start, around what is in the way, grow first. From the start, ways that the wheels
 know (curves of Reeds and Shepp for a car) lead to poses of the tree; the cheapest one that is clear
-is the path, which so begins and ends exactly where it must. The cost is time, longer near
-obstacles, and a price for each change of gear.
+is the path, which so begins and ends exactly where it must. Where there is none soon, another tree
+grows from the start until both meet. The cost is time, longer near obstacles, and a price for each
+change of gear.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from kmpc_lite.control.path.pose_tree import MOST_HALVINGS, PoseTree
 from kmpc_lite.control.path.ways import TINY, Line, OutlineClearance, Piece, Ways
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car, Omni, Wheels
+from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
 BATCH = 48
@@ -41,7 +43,7 @@ LONGEST_STEP = 4.0
 ROOMY = 0.4
 """... and by less where there is less clearance than this [radii], in finer cells: by its share of
 that, ..."""
-ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 4, 400))
+ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 1, 400), (0.03, 4, 400))
 """Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
 one after the other, until there is a path."""
 HALVES = np.array((0.5, 1.0))
@@ -54,8 +56,7 @@ BEND = 0.08
 KNOTS = 16
 """Poses of a path between which better ways are looked for."""
 EXTRA = 4
-"""Batches after the first path, and half of those before it, in which a better one is looked for.
-"""
+"""Batches after the first path, and half of those before it, that look for a better one."""
 NO_ROOM = "there is no room to turn: the goal's place can be reached, but not its heading"
 NO_WAY = "no passage to the goal is wide enough"
 GAVE_UP = "the search for a path gave up: the goal's place can be reached, perhaps not its heading"
@@ -84,7 +85,7 @@ class FieldPlanner:
         tightest = float(np.abs(self._motions.twists[:, 2]).max())
         # a step turns by an angle at the least, and leaves its cell
         self._step = max(self._motions.turn / tightest, self._radius / speed)
-        self._speed, self._cell = speed, 0.9 * self._step * speed
+        self._turn_rate, self._speed, self._cell = tightest, speed, 0.9 * self._step * speed
         self._survey = self._look_around()
         self._quanta = next(self._survey)
         """Of the survey's part that comes next; none is left at 0."""
@@ -106,9 +107,13 @@ class FieldPlanner:
         self._clearance.keep(kept * self._radius)
         # steps of the first tree are as long as finds most ways soon, later ones hardly longer than
         # the clearance
-        shortest = 0.5 * self._step * self._speed if attempt else 0.0
+        shortest = 0.5 * self._step * self._speed if attempt > 1 else 0.0
         self._roomy = max(ROOMY * self._radius, shortest)
-        self._tree = PoseTree(self._request.goal, self._cell, self._motions.turn)
+        self._tree, self._other = (
+            PoseTree(root, self._cell, self._motions.turn, request.goal)
+            for root in (request.goal, request.start)
+        )
+        self._other.gears[0] = int(request.gear)
         self._price, self._batches, self._last = math.inf, 0, most
 
     def path(self) -> Path | str | None:
@@ -123,7 +128,7 @@ class FieldPlanner:
                 done += self._quanta
                 self._quanta = next(self._survey, 0)
                 continue
-            done += PART_QUANTA
+            done += PART_QUANTA * (3 if self._attempt else 2) // 2
             if self._line is not None:
                 self._improve(self._line)
             elif not self._batches:
@@ -147,20 +152,28 @@ class FieldPlanner:
         self._grid, self._from_start = grid, ways.cost
         self._connects = bool(np.isfinite(ways.cost[grid.node(request.goal)]))
 
-    def _time_to(self, poses: Array) -> tuple[Array, Array]:
-        """Least time (...) from the start to poses (..., 3) [s], and whether there is any (...)."""
+    def _time_to(self, end: Array, poses: Array) -> tuple[Array, Array]:
+        """Least time (...) from poses (..., 3) to start or goal [s], and whether there is a way.
+
+        By the distance, around what is in the way to the start; or by how far it must turn.
+        """
         grid, speed = self._grid, max(self._request.forward[0], self._request.backward[0])
         place = (poses[..., :2] - grid.low) / grid.step
         inside = ((place >= -1.0) & (place <= grid.shape)).all(axis=-1)
         cells = np.rint(place).astype(np.intp)
         row, column = np.moveaxis(np.clip(cells, 0, np.array(grid.shape) - 1), -1, 0)
-        found = self._from_start[row * grid.shape[1] + column]
-        return np.maximum(found - grid.step, 0.0) / speed, inside & np.isfinite(found)
+        from_start = self._from_start[row * grid.shape[1] + column]
+        away = from_start - grid.step
+        if end is not self._request.start:
+            away = np.hypot(poses[..., 0] - end[0], poses[..., 1] - end[1])
+        turn = poses[..., 2] - end[2]
+        turns = np.abs(turn - nearest_turn(turn)) / self._turn_rate
+        return np.maximum(away / speed, turns), inside & np.isfinite(from_start)
 
     def _look_straight(self) -> None:
         """Look for a way from start to goal; one that costs hardly more than its time is best."""
         self._batches = 1
-        self._look(np.zeros(1, dtype=np.intp))
+        self._connect(0, np.zeros(1, dtype=np.intp))
         if self._best is not None and self._price <= GOOD * float(self._best[0].times.sum()):
             self._found = self._path_of(self._best[0])
 
@@ -179,23 +192,36 @@ class FieldPlanner:
                 self._begin_improving()
             return
         self._batches += 1
+        self._extend(tree, nodes, -1.0, self._request.start)
+        first = self._best is None
+        self._connect(0, nodes)
+        if self._attempt:
+            # between things it grows from the start, too, until both meet
+            others, _ = self._other.cheapest(BATCH)
+            self._extend(self._other, others, 1.0, self._request.goal)
+            self._look_between(nodes, others)
+        if first and self._best is not None:
+            self._last = self._batches + EXTRA + self._batches // 2
+
+    def _extend(self, tree: PoseTree, nodes: Array, way: float, end: Array) -> None:
+        """Let motions lead from nodes (n,) of a tree, or to them where the way is back in time."""
+        if not len(nodes):
+            return
         poses, costs, gears = tree.poses[nodes], tree.costs[nodes], tree.gears[nodes]
         moves, gear = self._motions.twists, self._motions.gears
         steps = self._step * self._steps_at(self._clearance.room(poses))
         times = np.repeat(steps[:, None], len(moves), axis=1)
-        # back in time: from where these motions lead to the nodes
-        before = moved(poses[:, None, None], moves[:, None], -HALVES * times[..., None])
-        kept = self._clearance.at(before.reshape(-1, 3)).reshape(before.shape[:3])
-        changes = gears[:, None] * gear < 0
+        led = moved(poses[:, None, None], moves[:, None], way * HALVES * times[..., None])
+        kept = self._clearance.at(led.reshape(-1, 3)).reshape(led.shape[:3])
         costs = costs[:, None] + times * self._clearance.price(kept).mean(axis=2)
-        costs = costs + self._gear_price * changes
-        to_go, within = self._time_to(before[:, :, 1])
+        costs = costs + self._gear_price * (gears[:, None] * gear < 0)
+        to_go, within = self._time_to(end, led[:, :, 1])
         good = (kept.min(axis=2) >= 0.0) & within & (costs + to_go < self._price)
         row, column = np.nonzero(good)
         if len(row):
             tree.add(
                 nodes[row],
-                before[row, column, 1],
+                led[row, column, 1],
                 moves[column],
                 times[row, column],
                 costs[good],
@@ -203,10 +229,6 @@ class FieldPlanner:
                 costs[good] + WEIGHT * to_go[good],
                 self._halvings_at(kept[row, column, 1]),
             )
-        first = self._best is None
-        self._look(nodes)
-        if first and self._best is not None:
-            self._last = self._batches + EXTRA + self._batches // 2
 
     def _steps_at(self, room: Array) -> Array:
         """Lengths (n,) of steps from poses of a clearance (n,), in usual ones."""
@@ -224,14 +246,31 @@ class FieldPlanner:
         out: Array = np.ceil(-np.log2(steps)).astype(int)
         return out
 
-    def _look(self, nodes: Array) -> None:
-        """Look at the cheapest ways from the start to nodes of the tree (n,)."""
-        tree, start = self._tree, self._request.start
-        poses, costs, gears = tree.poses[nodes], tree.costs[nodes], tree.gears[nodes]
-        found = self._ways.cheapest(start, poses, costs, gears, self._price)
-        if found is not None:
-            self._price, way, row = found
-            self._best = way, int(nodes[row])
+    def _look_between(self, nodes: Array, others: Array) -> None:
+        """Look where nodes (n,) of the tree, and others (m,) of that from the start, come near."""
+        tree, other = self._tree, self._other
+        others = np.unique(np.concatenate([others, *other.beside(tree.poses[nodes])]))
+        beside = tree.beside(other.poses[others])
+        prices = [tree.costs[n].min(initial=math.inf) for n in beside] + other.costs[others]
+        best = int(prices.argmin()) if len(others) else 0
+        if len(others) and prices[best] < self._price:
+            self._connect(int(others[best]), beside[best][:BATCH])
+
+    def _connect(self, begin: int, nodes: Array) -> None:
+        """Take the cheapest clear way from a node of the other tree to nodes (n,) of this one."""
+        tree, other, ways, request = self._tree, self._other, self._ways, self._request
+        first = Piece(*(part[::-1] for part in other.way_of(begin)))
+        before: tuple[float, float | None] = request.gear, request.curvature
+        if begin:
+            speed, turn_rate = other.twists[begin, [0, 2]].tolist()
+            before = float(other.gears[begin]), turn_rate / speed if speed else None
+        price, most = float(other.costs[begin]), self._price - float(other.costs[begin])
+        ends = tree.poses[nodes], tree.costs[nodes], tree.gears[nodes]
+        for more, way, row in ways.ranked(other.poses[begin], *ends, most, before):
+            way, node = first.then(way), int(nodes[row])
+            if ways.is_clear(request.start, way.then(tree.way_of(node))):
+                self._price, self._best = price + more, (way, node)
+                break
 
     def _begin_improving(self) -> None:
         """Take the best path so far; the next parts look for better ways between its poses."""

@@ -37,7 +37,7 @@ from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import seen_along
+from kmpc_lite.geometry import rotate, seen_along
 from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
@@ -126,7 +126,8 @@ class Guide:
         if end < math.inf:
             (begin, cusp), here = path.at(np.array([state.leg, end])), now.pose
             if self._by_poses:
-                near = state.place > end - self._dt - GRID_STEP
+                # of a leg shorter than that it must have driven half, for it begins at rest
+                near = state.place > max(end - self._dt - GRID_STEP, 0.5 * (state.leg + end))
                 left = path.gear_at(state.leg) * float(seen_along(cusp - here, here[2])[0])
                 comes = near and (left <= CUSP_REACH or abs(now.speed) <= STANDS)
             else:
@@ -181,8 +182,11 @@ class Guide:
         usual = now.capabilities.tolerances
         moving, tolerances = now.moving, content_with(usual, state.progress.stalls)
         # a car that has come to rest at the end of its path gets no nearer but by changes of gear
-        ended = path.duration - place <= self._dt and abs(now.speed) <= STANDS
-        stalled = state.progress.stalls > 0 or (ended and not self._wheels.turns_on_the_spot)
+        cannot_turn = not self._wheels.turns_on_the_spot
+        left = path.duration - place
+        ends = left <= self._dt + GRID_STEP and leg_end(path.timed, state.leg) == math.inf
+        rests = left <= self._dt and abs(now.speed) <= STANDS
+        stalled = state.progress.stalls > 0 or (rests and cannot_turn)
         hold = holds(
             state.goal_checker, tolerances, now.error, stalled, now.rest_error, now.rolled_error
         )
@@ -196,6 +200,13 @@ class Guide:
         else:
             state.evasive_arc = -1
             states = self._along(path, state, scale or 0.0, now)
+            rest, heading = now.rolled_error, float(now.pose[2])
+            ahead, _ = rotate(float(rest[0]), float(rest[1]), -heading)
+            beyond = path.gear_at(state.leg) * ahead
+            if cannot_turn and ends and -CUSP_REACH <= beyond <= usual.enter_distance:
+                # what it is off aside, it would mend by shuffling
+                along = ahead * math.cos(heading), ahead * math.sin(heading), 0.0
+                states[:] = now.pose + (rest - now.error) - along
             turn = float(now.capabilities.forward[1]) * self._dt
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0

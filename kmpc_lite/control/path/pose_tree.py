@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from kmpc_lite.control.path.ways import Piece
 from kmpc_lite.types import Array
 
 MOST = 30_000
@@ -23,21 +24,23 @@ BETTER = 0.995
 class PoseTree:
     """Nodes as arrays, the cheapest pose of each cell, and those from which it can still grow.
 
-    `goal`: pose (3,). `cell`, `turn`: side of a cell [m], and how far it goes round [rad].
+    `root`: pose (3,). `cell`, `turn`: side of a cell [m], and how far it goes round [rad].
+    `origin`: (3,) middle of a cell.
     """
 
-    def __init__(self, goal: Array, cell: float, turn: float) -> None:
+    def __init__(self, root: Array, cell: float, turn: float, origin: Array) -> None:
         self._size, self._turns = np.array((cell, cell, turn)), round(2.0 * np.pi / turn)
-        self._origin = goal.copy()
+        self._origin = origin.copy()
         self.count = 1
         self.poses, self.twists = np.zeros((2, MOST, 3))
         self.costs, self.times, self._order = np.zeros((3, MOST))
         self.parents = np.full(MOST, -1)
         self.gears = np.zeros(MOST, dtype=np.int8)
         self._open = np.zeros(MOST, dtype=bool)
-        self.poses[0], self._open[0] = goal, True
-        self._keys = self._key_of(goal[None], self.gears[:1], np.zeros(1, dtype=int))
+        self.poses[0], self._open[0] = root, True
+        self._keys = self._key_of(root[None], self.gears[:1], np.zeros(1, dtype=int))
         self._nodes = np.zeros(1, dtype=np.intp)
+        self._wholes, self._inside = self._whole_of(root[None]), np.zeros(1, dtype=np.intp)
 
     @property
     def is_full(self) -> bool:
@@ -53,6 +56,18 @@ class PoseTree:
         turns = places * (self._turns << MOST_HALVINGS) + turn % (parts * self._turns)
         out: Array = (turns * 3 + gears + 1) * (MOST_HALVINGS + 1) + halvings
         return out
+
+    def _whole_of(self, poses: Array) -> Array:
+        """Numbers (n,) of the cells of poses (n, 3), of any gear, and before they are halved."""
+        return self._key_of(
+            poses, np.zeros(len(poses), dtype=np.int8), np.zeros(len(poses), dtype=int)
+        )
+
+    def beside(self, poses: Array) -> list[Array]:
+        """Nodes, newest first, in the cells of poses (n, 3)."""
+        keys = self._whole_of(poses)
+        first, last = (np.searchsorted(self._wholes, keys, side) for side in ("left", "right"))
+        return [self._inside[a:b] for a, b in zip(first, last, strict=True)]
 
     def cheapest(self, most: int) -> tuple[Array, float]:
         """Take the open nodes (n,) of the least estimates, and what the least of them is."""
@@ -104,6 +119,10 @@ class PoseTree:
         self.times[nodes], self.costs[nodes] = times[chosen], costs[chosen]
         self.parents[nodes], self.gears[nodes] = parents[chosen], gears[chosen]
         self._order[nodes], self._open[nodes] = estimates[chosen], True
+        wholes = self._whole_of(poses[chosen])
+        places = np.searchsorted(self._wholes, wholes)
+        self._wholes = np.insert(self._wholes, places, wholes)
+        self._inside = np.insert(self._inside, places, nodes)
         self.count += len(kept)
 
     def line_of(self, node: int) -> Array:
@@ -113,3 +132,8 @@ class PoseTree:
             out.append(node)
             node = int(self.parents[node])
         return np.array(out, dtype=np.intp)
+
+    def way_of(self, node: int) -> Piece:
+        """What is driven from a node to the goal."""
+        line = self.line_of(node)
+        return Piece(self.twists[line], self.times[line])

@@ -245,12 +245,13 @@ def holds(
     now: by its model, and by how it was seen to move. It holds where all of them are within
     tolerance.
     """
+    rest = rests[-1] if rests else error
     if not state.holding:
         state.holding = all(_has_arrived(e, tolerances, stalled) for e in (error, *rests))
         if state.holding:
-            state.mean_error = error.copy()
+            state.mean_error = rest.copy()
         return state.holding
-    state.mean_error += tolerances.averaging * (error - state.mean_error)
+    state.mean_error += tolerances.averaging * (rest - state.mean_error)
     distance, turn = _sizes(error)
     mean_distance, mean_turn = _sizes(state.mean_error)
     pushed = distance > tolerances.pushed_distance or turn > tolerances.pushed_angle

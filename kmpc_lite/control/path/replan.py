@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
+from kmpc_lite.control.kernels.records import leg_end
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.planner import NEAR_GOAL, Planner
@@ -117,7 +118,8 @@ class Replanner:
             return False
         if state.centre_moved:
             return True
-        if self._steers and left < self._dt + GRID_STEP and abs(now.speed) <= STANDS:
+        ends = left < self._dt + GRID_STEP and leg_end(state.path.timed, state.leg) == math.inf
+        if self._steers and ends and abs(now.speed) <= STANDS:
             return True  # what is left to the side it cannot mend where it stands
         o, least = self._options, now.capabilities.tolerances.off_path
         least = max(least, self._off_poses)

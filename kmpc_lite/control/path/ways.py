@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.path.capabilities import seen_from
-from kmpc_lite.control.path.motions import Motions, chained, moved
+from kmpc_lite.control.path.motions import Motions, chained, moved, sampled
 from kmpc_lite.control.path.planner import PathRequest, distances_around
 from kmpc_lite.types import Array
 
@@ -16,11 +17,12 @@ NEAR = 1.0
 """Clearance beyond the margin below which driving costs more [radii]."""
 NEAR_PRICE = 1.0
 """What it costs more at the margin, as a share of its time."""
-ROUNDING = 1e-9
 CHUNK = 4096
 """Places that are looked at at once: what it needs of memory."""
 SHOTS, WAYS = 12, 3
 """Most ways that are looked at at once, and of these to one pose."""
+FINE = 0.15
+"""How far what sticks out moves between two places at which a path is looked at [radii]."""
 MOST_SAMPLES = 160
 """Most poses at which a way is looked at."""
 TINY = 1e-9
@@ -42,7 +44,9 @@ class OutlineClearance:
         self._ends = ends[:, :2]
         self._radius = float(outline[:, 2].max())
         arms = np.hypot(outline[:, 0], outline[:, 1])
-        self._reach = 2.0 * float((arms + outline[:, 2]).max())
+        self.arm = float(arms.max()) + self._radius
+        """How far the outline reaches [m]."""
+        self._reach = 2.0 * self.arm
         self._room_at_ends = outline_distances(request, ends) - margin
         self._near = NEAR * self._radius
 
@@ -64,15 +68,15 @@ class OutlineClearance:
 
     def at(self, poses: Array) -> Array:
         """Clearance (n,) at poses (n, 3) beyond what must be kept there [m]; below zero outside."""
-        found = self.room(poses) - self._kept
+        found, less = self.room(poses) - self._kept, np.zeros(len(poses))
         for place, room in zip(self._ends, self._room_at_ends, strict=True):
-            lack = min(room - self._kept, 0.0)
-            if lack < 0.0:
+            if (lack := self._kept - room) > 0.0:
                 near = np.hypot(*(poses[:, :2] - place).T) <= self._reach
-                found = np.where(near, found - lack + ROUNDING, found)
+                less = np.maximum(less, np.where(near, lack + TINY, 0.0))
+        found += less
         low, high = self._request.area
         inside = np.minimum(poses[:, :2] - low, high - poses[:, :2]).min(axis=1)
-        found = np.where(inside >= -ROUNDING, found, -1.0)
+        found = np.where(inside >= -TINY, found, -1.0)
         return found
 
     def price(self, clearance: Array) -> Array:
@@ -84,6 +88,8 @@ class OutlineClearance:
 def outline_distances(request: PathRequest, poses: Array) -> Array:
     """Distances (n,) of a robot's outline at poses (n, 3) from what is around it [m]."""
     outline = request.outline
+    if not len(poses):
+        return np.empty(0)
     x, y, radii = outline.T
     if request.centre is not None:
         poses = seen_from(poses, -request.centre)
@@ -155,22 +161,24 @@ class Ways:
         self._motions, self._clearance = motions, clearance
         self._radius, self._gear_price = radius, gear_price
 
-    def cheapest(
+    def ranked(
         self,
         start: Array,
         ends: Array,
         costs: Array,
         gears: Array,
         most: float,
-        begins: bool = True,
-    ) -> tuple[float, Piece, int] | None:
-        """Give the cheapest way from a pose (3,) that costs less, by its end of n, if it is clear.
+        before: tuple[float, float | None],
+    ) -> Iterator[tuple[float, Piece, int]]:
+        """Give ways from a pose (3,) that cost less, the cheapest first, each by its end of n.
 
-        Ends (n, 3) cost so much more to the goal (n,), to which these gears (n,) lead. `begins`:
-        whether the robot stands there now.
+        They are clear at some places (`is_clear` looks at more).
+
+        Ends (n, 3) cost so much more to the goal (n,), to which these gears (n,) lead. `before`:
+        gear, 0 if none, and curvature, if known, in which the robot comes there.
         """
         twists, times = self._motions.connect(start, ends)
-        fixed = costs[:, None] + self._switching(twists, times, gears, begins)
+        fixed = costs[:, None] + self._switching(twists, times, gears, before)
         prices = fixed + times.sum(axis=-1)
         # of each end the best ones, and of these the cheapest
         each = np.argsort(prices, axis=1, kind="stable")[:, :WAYS]
@@ -178,19 +186,27 @@ class Ways:
         order = np.argsort(ranked, axis=None, kind="stable")[:SHOTS]
         order = order[ranked.ravel()[order] < most]
         if not len(order):
-            return None
+            return
         rows = order // each.shape[1]
         columns = each.ravel()[order]
         twists, times = twists[rows, columns], times[rows, columns]
         total = fixed[rows, columns] + self._times_near(start, twists, times)
-        best = int(total.argmin())
-        if not total[best] < most:
-            return None
-        return float(total[best]), Piece(twists[best], times[best]), int(rows[best])
+        for best in np.argsort(total, kind="stable")[: int((total < most).sum())].tolist():
+            yield float(total[best]), Piece(twists[best], times[best]), int(rows[best])
 
-    def _switching(self, twists: Array, times: Array, after: Array, begins: bool) -> Array:
+    def is_clear(self, start: Array, way: Piece) -> bool:
+        """Whether all that is driven from a pose (3,) is, at places near to each other."""
+        twists, times = (part[way.times > TINY] for part in way)
+        lengths = (np.hypot(*twists.T[:2]) + self._clearance.arm * np.abs(twists[:, 2])) * times
+        counts = np.ceil(lengths / (FINE * self._radius)).astype(np.intp)
+        poses, _ = sampled(start, twists, times, np.maximum(counts, 1))
+        return bool((self._clearance.at(poses) >= -TINY).all())
+
+    def _switching(
+        self, twists: Array, times: Array, after: Array, before: tuple[float, float | None]
+    ) -> Array:
         """What changes of gear, and steering, cost on ways (n, W, S, 3) (n, W) [s]."""
-        gear, curvature = self._now if begins else (0.0, None)
+        gear, curvature = before
         changes = self._gear_price * self._changes(twists, times, after, gear)
         out: Array = changes + self._motions.steering_times(twists, times, curvature)
         return out
@@ -230,15 +246,16 @@ class Ways:
         # what it costs as it is, since what follows may have become cheaper
         way, gear = line.ways[k], line.gears[following : following + 1]
         lasts = self._times_near(line.poses[k], way.twists[None], way.times[None])
-        switching = self._switching(way.twists[None, None], way.times[None, None], gear, k == 0)
+        before = (0.0, None) if k else self._now
+        switching = self._switching(way.twists[None, None], way.times[None, None], gear, before)
         now = float(line.costs[following] + lasts[0] + switching[0, 0])
         line.costs[k] = now = now if math.isfinite(now) else float(line.costs[k])
         after = slice(following, None)
         ends, costs, gears = line.poses[after], line.costs[after], line.gears[after]
-        found = self.cheapest(line.poses[k], ends, costs, gears, now - TINY, k == 0)
-        if found is not None:
-            line.costs[k], way, row = found
-            following += row
+        for price, other, row in self.ranked(line.poses[k], ends, costs, gears, now - TINY, before):
+            if self.is_clear(line.poses[k], other):
+                line.costs[k], way, following = price, other, following + row
+                break
         if following < len(line.ways):
             way = way.then(line.ways[following])
         line.ways[k] = way

@@ -79,11 +79,10 @@ class CarRobot:
         random = np.random.default_rng([seed, 23])
         commands = held(random, (self.speed, self.chassis.lock), self.dt, HELD["car"])
         told = self._told(commands[:, 1])
+        told, names = np.column_stack([commands[:, 0], told]), ("v", self.column)
         with TemporaryDirectory() as folder:
             log = Path(folder) / "car.csv"
-            values = np.column_stack([commands[:, 0], told])
-            poses = record(self.moves(seed + 1), commands, self, random)
-            write(log, poses, values, ("v", self.column), self.dt)
+            record(log, self, self.moves(seed + 1), commands, random, told, names)
             model = learn(load_logs([log], self.dt), [log]).model
             found, _ = read_checked(log, ReadOptions(), self.dt)
         speeds, rates = found.commands.values.T
@@ -155,9 +154,8 @@ class OmniRobot:
         random = np.random.default_rng([seed, 29])
         commands = held(random, self.speeds, self.dt, HELD["omni"])
         with TemporaryDirectory() as folder:
-            log = Path(folder) / "omni.csv"
-            poses = record(self.moves(seed + 1), commands, self, random)
-            write(log, poses, commands, ("v", "vy", "omega"), self.dt)
+            log, names = Path(folder) / "omni.csv", ("v", "vy", "omega")
+            record(log, self, self.moves(seed + 1), commands, random, commands, names)
             model = learn(load_logs([log], self.dt), [log]).model
         body: dict[str, Any] = {"footprint": self.footprint}
         problem = NavigationProblem(
@@ -253,23 +251,20 @@ def held(random: np.random.Generator, most: tuple[float, ...], dt: float, lasts:
 
 
 def record(
-    plant: Moves, commands: Array, robot: CarRobot | OmniRobot, random: np.random.Generator
-) -> Array:
-    """Poses (n + 1, 3) as they are measured while commands (n, m) are driven."""
-    pose, (place, turn) = np.zeros(3), robot.noise
-    poses = [pose]
+    log: Path,
+    robot: CarRobot | OmniRobot,
+    plant: Moves,
+    commands: Array,
+    random: np.random.Generator,
+    told: Array,
+    names: tuple[str, ...],
+) -> None:
+    """Write a table of poses as measured while commands (n, m) are driven, and what is told."""
+    (place, turn), poses = robot.noise, [np.zeros(3)]
     for command in commands:
-        pose = plant.drive(pose, command)[-1]
-        poses.append(pose)
-    noise = random.normal(size=(len(poses), 3)) * (place, place, turn)
-    out: Array = np.array(poses) + noise
-    return out
-
-
-def write(log: Path, poses: Array, commands: Array, names: tuple[str, ...], dt: float) -> None:
-    """Write a log as a table: a command is held until the next row."""
-    rows = np.column_stack(
-        [dt * np.arange(len(poses)), poses, np.concatenate([commands, commands[-1:]])]
-    )
+        poses.append(plant.drive(poses[-1], command)[-1])
+    seen = np.array(poses) + random.normal(size=(len(poses), 3)) * (place, place, turn)
+    time = robot.dt * np.arange(len(poses))
+    rows = np.column_stack([time, seen, np.concatenate([told, told[-1:]])])
     header = ",".join(("t", "x", "y", "theta", *names))
     np.savetxt(log, rows, fmt="%.9g", delimiter=",", header=header, comments="")

@@ -25,6 +25,7 @@ from kmpc_lab.studies.contenders import (
 )
 from kmpc_lab.studies.drive import DriveResult, counted
 from kmpc_lab.studies.table import AT_LEAST, DRIVES, GAP, SECONDS, STOPPED
+from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.regression import Method
@@ -164,6 +165,19 @@ def result_of(run: Run) -> DriveResult:
 
 
 def prepare(values: Sequence[Sequence[object]]) -> None:
-    """Build each controller: what is missing is reported now, not after minutes of training."""
-    for label in values[0]:
-        CONTROLLERS[str(label)].build(nominal_unicycle(DT), Scenario.load("mehrez"))
+    """Build each controller: what is missing is reported now, not after minutes of training.
+
+    Raises DataError: names a controller that cannot drive what is asked.
+    """
+    labels, conditions, families = (map(str, axis) for axis in values[:3])
+    solid = [name for name in families if random_map(name, 0).solids is not None]
+    logs = [name for name in conditions if name != "plain"]
+    for spec in (CONTROLLERS[label] for label in labels):
+        if solid and spec.form == "ipopt":
+            told = f"maps of circles, got {', '.join(solid)}"
+        elif logs and spec.fit == "edmdc":
+            told = f"the condition plain, for it knows no lag and no noise, got {', '.join(logs)}"
+        else:
+            spec.build(nominal_unicycle(DT), Scenario.load("mehrez"))
+            continue
+        raise DataError(f"{spec.label}: expected {told}; --controllers everything drives them all")

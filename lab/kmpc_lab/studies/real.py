@@ -18,9 +18,10 @@ from typing import Literal
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot
+from kmpc_lab.studies.any_wheels import Moves
 from kmpc_lab.studies.drive import DriveResult
 from kmpc_lab.studies.robot_drives import COLUMNS as OF_ROBOTS
-from kmpc_lab.studies.robot_drives import course_of, judge
+from kmpc_lab.studies.robot_drives import drive_course
 from kmpc_lab.studies.table import Column, mean_of
 from kmpc_lite.control import Controller
 from kmpc_lite.control.margins import Margins
@@ -217,8 +218,9 @@ def drive(log: str, radius: float, speed: float, turn: float, name: str, seed: i
     recipe = next(r for r in RECIPES if r.name == name)
     model, its = _learn(real, recipe.lags)
     truth, robot = _plant_model(real)
-    course = course_of(robot, seed)
-    problem = robot.problem(course.side)
-    controller = Controller(model, problem, adaptation=recipe.adapts)
-    row = judge(seed, controller, RealPlant(truth, its, seed, MOTOR_LAG), course)
-    return replace(row, more=widths(real, recipe.lags))
+    plant = RealPlant(truth, its, seed, MOTOR_LAG)
+
+    def ready(side: float) -> tuple[Controller, Moves]:
+        return Controller(model, robot.problem(side), adaptation=recipe.adapts), plant
+
+    return replace(drive_course(robot, seed, ready), more=widths(real, recipe.lags))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,53 +26,33 @@ from kmpc_lite.cli.command import need
 from kmpc_lite.control import Circle, Controller
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS
-from kmpc_lite.types import Array
 
 COLUMNS = (*DRIVES, Column("held elsewhere", "d", count_of("held_elsewhere")), TIME, STOPPED)
 ROBOTS = {r.name: r for r in (*(scaled(STANDARD, by) for by in SCALES), *KNOWN, *ODD)}
 
 
-@dataclass(frozen=True)
-class Course:
-    """A map of a robot's size, with what is measured of the robot."""
+def drive_course(
+    robot: Robot | CarRobot | OmniRobot,
+    seed: int,
+    ready: Callable[[float], tuple[Controller, Moves]],
+    family: str = "open",
+) -> DriveResult:
+    """Drive over a random map of a robot's size, and judge by the true poses.
 
-    start: Array
-    """(3,)."""
-    goal: Array
-    """(3,)."""
-    circles: list[Circle]
-    side: float
-    """Side of the area [m]."""
-    spread: Array
-    """Standard deviations of a measured pose, (3,) [m, m, rad]."""
-    ideal: float
-    """Least time, obstacles aside [s]."""
-
-
-def course_of(robot: Robot | CarRobot | OmniRobot, seed: int, family: str = "open") -> Course:
-    """Give a random map the size of a robot."""
+    `ready`: gives controller and plant for a square area of a side [m].
+    """
     scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
     unit = np.array((by, by, 1.0))
     start, goal = np.array(scenario.start) * unit, np.array(scenario.goal) * unit
-    return Course(
-        start,
-        goal,
-        [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles],
-        by * (scenario.bounds[2] - scenario.bounds[0]),
-        np.array((robot.noise[0], robot.noise[0], robot.noise[1])),
-        robot.ideal(start, goal),
-    )
-
-
-def judge(seed: int, controller: Controller, plant: Moves, course: Course) -> DriveResult:
-    """Drive over a course, and judge by the true poses."""
+    controller, plant = ready(by * (scenario.bounds[2] - scenario.bounds[0]))
+    ideal, (place, turn) = robot.ideal(start, goal), robot.noise
     return drive_past(
         controller,
         plant.drive,
-        (course.start, course.goal),
-        course.circles,
-        (course.ideal, 8.0 * course.ideal + 20.0),
-        spread=course.spread,
+        (start, goal),
+        [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles],
+        (ideal, 8.0 * ideal + 20.0),
+        spread=np.array((place, place, turn)),
         seed=seed,
     )
 
@@ -82,9 +62,10 @@ def drive(
 ) -> DriveResult:
     """Learn a robot and drive it over one random map of its size."""
     model = learn(robot, seed) if model is None else model
-    course = course_of(robot, seed, family)
-    controller = Controller(model, robot.problem(course.side))
-    return judge(seed, controller, RobotPlant(robot, seed), course)
+    plant = RobotPlant(robot, seed)
+    return drive_course(
+        robot, seed, lambda side: (Controller(model, robot.problem(side)), plant), family
+    )
 
 
 def drive_named(name: str, seed: int) -> DriveResult:
@@ -97,11 +78,13 @@ def drive_random(wheels: str, seed: int) -> DriveResult:
     if wheels in ("differential", "round"):
         return drive(random_robot(seed, wheels == "differential"), seed)
     robot = _drawn(wheels, seed)
-    course = course_of(robot, seed)
-    ready, half = robot.ready(seed), 0.5 * course.side
-    area = np.array((half, half, np.inf))
-    problem = replace(ready.problem, x_min=-area, x_max=area)
-    return judge(seed, Controller(ready.model, problem), ready.plant, course)
+    model, problem, plant = robot.ready(seed)
+
+    def ready(side: float) -> tuple[Controller, Moves]:
+        area = np.array((0.5 * side, 0.5 * side, np.inf))
+        return Controller(model, replace(problem, x_min=-area, x_max=area)), plant
+
+    return drive_course(robot, seed, ready)
 
 
 def _drawn(wheels: str, seed: int) -> CarRobot | OmniRobot:

@@ -41,3 +41,17 @@ def test_study_reports_at_once_that_peers_are_missing(
 def test_a_word_that_stands_for_nothing_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["study", "parking", "--scenes", "garage"]) == 2
     assert "--scenes: expected a part of one of open; bay;" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ("--families open walls", "K-NMPC, IPOPT: expected maps of circles, got walls"),
+        ("--conditions lag", "K-NMPC, IPOPT: expected the condition plain"),
+    ],
+)
+def test_what_a_peer_cannot_drive_is_refused_before_it_is_learned(
+    asked: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["study", "maps", *asked.split(), "--drives", "1"]) == 2
+    assert told in capsys.readouterr().err

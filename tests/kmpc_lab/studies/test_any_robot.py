@@ -7,7 +7,8 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import STANDARD, RobotPlant, random_footprint, random_robot
-from kmpc_lab.studies.robot_drives import course_of, drive, judge
+from kmpc_lab.studies.drive import drive_past
+from kmpc_lab.studies.robot_drives import drive
 
 
 def test_the_plant_moves_as_it_says() -> None:
@@ -25,10 +26,9 @@ def test_a_robot_that_is_not_round_is_judged_by_its_outline() -> None:
     robot = replace(STANDARD, footprint=footprint)
     row = drive(robot, 3004)
     assert row.arrived and not row.collided
-    course = course_of(robot, 3004)
-    corners = footprint.at(course.start)
-    corner = corners[np.hypot(*(corners - course.start[:2]).T).argmax()].tolist()
-    in_it = [kl.Circle(*corner, 0.02)]
-    controller = kl.Controller(kl.nominal_unicycle(0.1), robot.problem(course.side))
-    touched = judge(1, controller, RobotPlant(robot, 1), replace(course, circles=in_it))
+    start, goal = np.zeros(3), np.array((1.0, 0.0, 0.0))
+    corners = footprint.at(start)
+    in_it = [kl.Circle(*corners[np.hypot(*corners.T).argmax()].tolist(), 0.02)]
+    controller = kl.Controller(kl.nominal_unicycle(0.1), robot.problem(4.0))
+    touched = drive_past(controller, RobotPlant(robot, 1).drive, (start, goal), in_it, (1.0, 5.0))
     assert touched.collided

@@ -21,7 +21,7 @@ from outcomes.steered import Rollers, Steering
 
 MAKES: dict[str, Callable[..., Any]] = {
     **{one.__name__: one for one in (Body, Steering, Rollers, kl.Wall, kl.Car, kl.Omni)},
-    **{one.__name__: one for one in (sensing.Within, sensing.Scanner, sensing.Tracked)},
+    **{one.__name__: one for one in (sensing.Within, sensing.Scanner)},
     **{one.__name__: one for one in (places.Path, poses.Jump, poses.Lost, poses.Frozen)},
     "Both": lambda **scanner: sensing.Both(sensing.Scanner(**scanner)),
     "Polygon": lambda *corners: kl.Polygon(corners),
