@@ -182,11 +182,10 @@ class Guide:
         usual = now.capabilities.tolerances
         moving, tolerances = now.moving, content_with(usual, state.progress.stalls)
         # a car that has come to rest at the end of its path gets no nearer but by changes of gear
-        cannot_turn = not self._wheels.turns_on_the_spot
-        left = path.duration - place
+        left, cannot_turn = path.duration - place, not self._wheels.turns_on_the_spot
         ends = left <= self._dt + GRID_STEP and leg_end(path.timed, state.leg) == math.inf
-        rests = left <= self._dt and abs(now.speed) <= STANDS
-        stalled = state.progress.stalls > 0 or (rests and cannot_turn)
+        rests = cannot_turn and left <= self._dt and abs(now.speed) <= STANDS
+        stalled = rests or state.progress.stalls > 0
         hold = holds(
             state.goal_checker, tolerances, now.error, stalled, now.rest_error, now.rolled_error
         )
@@ -204,15 +203,13 @@ class Guide:
             ahead, _ = rotate(float(rest[0]), float(rest[1]), -heading)
             beyond = path.gear_at(state.leg) * ahead
             if cannot_turn and ends and -CUSP_REACH <= beyond <= usual.enter_distance:
-                # what it is off aside, it would mend by shuffling
                 along = ahead * math.cos(heading), ahead * math.sin(heading), 0.0
-                states[:] = now.pose + (rest - now.error) - along
+                states[:] = now.pose + (rest - now.error) - along  # it would shuffle to mend more
             turn = float(now.capabilities.forward[1]) * self._dt
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
-        drives_on = state.progress.gets_on(path.duration - place)
-        progress, reason = told_progress(state, hold, scale, drives_on)
+        progress, reason = told_progress(state, hold, scale, state.progress.gets_on(left))
         if reason == NO_PROGRESS and now.view is not None:
             unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
             reason = UNSEEN if unseen else reason

@@ -130,7 +130,10 @@ class Surroundings:
         if footprint is not None:
             body = footprint, pose + np.pad(steps, ((0, 0), (0, 1)))
         found = self.clearance(moved[:, None], np.zeros(1), here, body)[:, 0]
-        (x, y), arms = (found[1:] - found[0]) / step, here - pose[:2]
+        slopes, arms = (found[1:] - found[0]) / step, here - pose[:2]
+        # none is steeper than one, but for rounding: an outline's next nearest point jumps
+        size = np.hypot(*slopes)
+        x, y = np.where(size > 1.001, slopes / size, slopes)
         out = np.empty((*x.shape, STATES))
         out[..., 0], out[..., 1] = rotate(x, y, -float(pose[2]))
         out[..., 2] = arms[:, :1] * y - arms[:, 1:] * x

@@ -17,25 +17,6 @@ from kmpc_lite import NavigationProblem, ProblemError
 NAN, INF = float("nan"), float("inf")
 
 
-def test_defaults_are_the_papers_without_its_area() -> None:
-    problem = NavigationProblem()
-    q, r, q_terminal = problem.weights
-    np.testing.assert_array_equal(q, np.diag([1.0, 5.0, 0.1]))
-    np.testing.assert_array_equal(r, np.diag([0.5, 0.05]))
-    assert not q_terminal.any()
-    u_min, u_max, x_min, x_max = problem.bounds
-    np.testing.assert_array_equal(u_max, [0.6, np.pi / 4])
-    np.testing.assert_array_equal(u_min, -u_max)
-    np.testing.assert_array_equal(x_max, [INF, INF, INF])
-    np.testing.assert_array_equal(x_min, -x_max)
-    assert (problem.horizon, problem.dt, problem.robot_radius, problem.margin) == (
-        20,
-        0.1,
-        0.15,
-        0.0,
-    )
-
-
 WRONG: dict[str, tuple[Any, ...]] = {
     "horizon": (0, 1001, 2.0, True, NAN),
     "dt": (0.0, NAN, (0.1,)),
