@@ -252,9 +252,9 @@ class FieldPlanner:
         others = np.unique(np.concatenate([others, *other.beside(tree.poses[nodes])]))
         beside = tree.beside(other.poses[others])
         prices = [tree.costs[n].min(initial=math.inf) for n in beside] + other.costs[others]
-        best = int(prices.argmin()) if len(others) else 0
-        if len(others) and prices[best] < self._price:
-            self._connect(int(others[best]), beside[best][:BATCH])
+        for best in np.argsort(prices)[:3].tolist() if len(others) else ():
+            if prices[best] < self._price:
+                self._connect(int(others[best]), beside[best][:BATCH])
 
     def _connect(self, begin: int, nodes: Array) -> None:
         """Take the cheapest clear way from a node of the other tree to nodes (n,) of this one."""
