@@ -31,9 +31,9 @@ BATCH = 48
 """Poses from which the tree grows at once."""
 PART_QUANTA = 10
 """Work of a batch, in quanta of 0.2 ms."""
-WEIGHT = 2.0
-"""How many times the time to go counts in the order in which the tree grows: most of what lies
-about the straight way is left out."""
+WEIGHTS = (2.0, 6.0)
+"""How many times the time to go, which knows of no change of gear, counts in the order in which the
+first tree grows, and later ones: most of what lies about the straight way is left out."""
 GOOD = 1.05
 """A way from start to goal that costs less than so many times its time is the path."""
 GEAR_PRICE = 4.0
@@ -182,7 +182,7 @@ class FieldPlanner:
         tree = self._tree
         nodes, least = tree.cheapest(BATCH)
         ended = not len(nodes) or tree.is_full or self._batches >= self._last
-        if ended or least >= WEIGHT * self._price:
+        if ended or least >= WEIGHTS[self._attempt > 0] * self._price:
             last = self._attempt + 1 == len(ATTEMPTS)
             # from no pose of a tree of fine steps it goes on
             self._is_exhausted |= not len(nodes) and self._attempt > 0
@@ -226,7 +226,7 @@ class FieldPlanner:
                 times[row, column],
                 costs[good],
                 np.where(gear[column] != 0, gear[column], gears[row]).astype(np.int8),
-                costs[good] + WEIGHT * to_go[good],
+                costs[good] + WEIGHTS[self._attempt > 0] * to_go[good],
                 self._halvings_at(kept[row, column, 1]),
             )
 
