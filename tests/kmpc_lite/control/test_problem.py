@@ -15,8 +15,6 @@ from kmpc_lab.peers.ipopt import AREA
 from kmpc_lite import NavigationProblem, ProblemError
 
 NAN, INF = float("nan"), float("inf")
-
-
 WRONG: dict[str, tuple[Any, ...]] = {
     "horizon": (0, 1001, 2.0, True, NAN),
     "dt": (0.0, NAN, (0.1,)),
@@ -34,6 +32,16 @@ WRONG: dict[str, tuple[Any, ...]] = {
     "du_max": ((-1.0, 1.0), (NAN, 1.0), 1.0),
     "slack_weights": ((0.0, 1.0), (1.0, INF), (1.0, 1.0, 1.0)),
 }
+
+
+def test_defaults_are_the_papers_without_its_area() -> None:
+    problem, nowhere, fast = NavigationProblem(), np.full(3, INF), np.array((0.6, np.pi / 4))
+    expected = [np.diag(w) for w in ((1.0, 5.0, 0.1), (0.5, 0.05), (0.0, 0.0, 0.0))]
+    expected += [-fast, fast, -nowhere, nowhere]
+    for told, papers in zip((*problem.weights, *problem.bounds), expected, strict=True):
+        np.testing.assert_array_equal(told, papers)
+    sizes = problem.horizon, problem.dt, problem.robot_radius, problem.margin
+    assert sizes == (20, 0.1, 0.15, 0.0)
 
 
 @pytest.mark.parametrize(("field", "value"), [(f, v) for f, vs in WRONG.items() for v in vs])
@@ -74,13 +82,8 @@ def test_cost_is_the_papers_sum(seed: int, n: int) -> None:
     total, last = 0.0, random.normal(size=2)
     for k, before in zip(range(n), (last, *u), strict=False):
         total += 0.2 * (u[k, 0] - before[0]) ** 2 + 0.4 * (u[k, 1] - before[1]) ** 2
-        total += (
-            (x[k] - goal) @ (root @ root.T) @ (x[k] - goal)
-            + 0.3 * u[k, 0] ** 2
-            + 0.7 * u[k, 1] ** 2
-        )
+        total += (x[k] - goal) @ (root @ root.T) @ (x[k] - goal)
+        total += 0.3 * u[k, 0] ** 2 + 0.7 * u[k, 1] ** 2
     total += float(np.sum(np.array([4.0, 5.0, 6.0]) * (x[n] - goal) ** 2))
-    assert problem.cost(x, u, goal, last=last) == pytest.approx(total, rel=1e-9)
-    assert problem.cost(x, u, np.tile(goal, (n + 1, 1)), last=last) == pytest.approx(
-        total, rel=1e-9
-    )
+    for told in (goal, np.tile(goal, (n + 1, 1))):
+        assert problem.cost(x, u, told, last=last) == pytest.approx(total, rel=1e-9)

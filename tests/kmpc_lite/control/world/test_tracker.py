@@ -15,11 +15,8 @@ DT = 0.1
 class Tracker:
     """Tracks of a follower, from period to period."""
 
-    def __init__(
-        self, dt: float = DT, options: TrackerOptions | None = None, *sizes: float
-    ) -> None:
-        sizes = sizes or (UNIT_RADIUS, UNIT_SPEED)
-        self.follower = tracks.Follower(dt, options or TrackerOptions(), *sizes)
+    def __init__(self, follower: tracks.Follower | None = None) -> None:
+        self.follower = follower or tracks.Follower(DT, TrackerOptions(), UNIT_RADIUS, UNIT_SPEED)
         self.tracks = tracks.Tracks()
 
     def follow(self, circles: Array) -> Array:
@@ -102,7 +99,7 @@ def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track(
     monkeypatch.setattr(tracks, "TURN_MEMORY", 4.0)
     monkeypatch.setattr(tracks, "TURN_RATE", 0.25)
     slower = TrackerOptions(acceleration=1 / 3)
-    other = Tracker(DT * time, slower, 0.6, 1.2)
+    other = Tracker(tracks.Follower(DT * time, slower, 0.6, 1.2))
     for place in seen:
         tracker.follow(rows(place))
         turned = length * np.array(rotate(place[0], place[1], turn)) + (10.0, -20.0)
