@@ -123,13 +123,6 @@ def diagram() -> str:
 
 
 def legend() -> str:
-    """Render states and reasons as Markdown tables, for docs/howto/bridge.md."""
-    blocks = []
-    for title, members in (("State", GateState), ("Reason", Reason)):
-        rows = [
-            f"| {title} | Meaning |",
-            "|---|---|",
-            *(f"| {m.name} | {m.value} |" for m in members),
-        ]
-        blocks.append("\n".join(rows))
-    return "\n\n".join(blocks)
+    """Render the states as a Markdown table, for docs/howto/bridge.md."""
+    rows = (f"| {state.name} | {state.value} |" for state in GateState)
+    return "\n".join(["| State | Meaning |", "|---|---|", *rows])

@@ -1,22 +1,20 @@
-"""The board of docs/howto/own_board.md, as it stands there: found by its entry point, driven."""
+"""The board of examples/own_board, as it stands there: found by its entry point, driven."""
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
-from pages import DOCS, blocks, read
+from pages import ROOT, read
 
-PAGE = read(DOCS / "howto" / "own_board.md")
+BOARD = ROOT / "examples" / "own_board"
 
 
 def test_a_board_of_ones_own_is_one_class_and_one_entry_point(tmp_path):
-    driver, far_end = (block.text for block in blocks(PAGE, "python"))
-    entry, robot = (block.text for block in blocks(PAGE, "toml"))
-    assert len(driver.splitlines()) <= 80
-    (tmp_path / "wheelie.py").write_text(driver)
-    (tmp_path / "emulated_wheelie.py").write_text(far_end)
-    (tmp_path / "robot.toml").write_text(robot)
+    assert len(read(BOARD / "wheelie.py").splitlines()) <= 80
+    shutil.copytree(BOARD, tmp_path, dirs_exist_ok=True)
+    entry = read(BOARD / "pyproject.toml")
     (installed := tmp_path / "wheelie-1.dist-info").mkdir()
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: wheelie\nVersion: 1\n")
     name, _, where = entry.splitlines()[-1].partition(" = ")
