@@ -22,12 +22,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kl.Dataset(data.windows(4.0).episodes[:1]).save(folder / "brief.csv")
     kl.fit(data).save(folder / "robot.npz")
     (folder / "short.toml").write_text(SHORT)
-    assert (
-        cli.main(
-            ["simulate", "--scenario", str(folder / "short.toml"), "-o", str(folder / "run.npz")]
-        )
-        == 0
-    )
+    words = ["simulate", "--scenario", str(folder / "short.toml"), "--record", str(folder / "run")]
+    assert cli.main(words) == 0
     return folder
 
 

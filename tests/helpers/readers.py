@@ -36,7 +36,7 @@ from firmware_bridge.messages import BridgeError
 from firmware_bridge.recording.link_log import TLOG_STAMP
 from firmware_bridge.recording.replay import replay
 from firmware_bridge.robot_file import load_robot
-from kmpc_lab import Run, drive
+from kmpc_lab import drive
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.recording.simulated import SimulationRecorder
 from kmpc_lab.studies.drive import DriveResult
@@ -122,12 +122,6 @@ def _model(path: Path) -> None:
     model = kl.KoopmanModel.load(path)
     plan = kl.Controller(model, kl.NavigationProblem(dt=model.dt)).step((0, 0, 0), (1, 1, 0))
     assert np.isfinite(plan.command).all()
-
-
-def _run(path: Path) -> None:
-    run = Run.load(path)
-    run.summary()
-    assert np.isfinite(run.position_error)
 
 
 def _drive(path: Path) -> None:
@@ -220,13 +214,6 @@ def without_checksums(content: bytes) -> bytes:
     return bytes(out)
 
 
-class _Still:
-    """Stands where it is."""
-
-    def step(self, x: Any, goal: Any, obstacles: Any = ()) -> Any:
-        return kl.Controller(kl.nominal_unicycle(0.1)).step(x, goal)
-
-
 def make_readers(folder: Path) -> dict[str, Reader]:
     """All readers; files that are not text are made in a folder."""
     (folder / "scenario.toml").write_text(SCENARIO + "timeout = 0.3\n")
@@ -237,12 +224,11 @@ def make_readers(folder: Path) -> dict[str, Reader]:
     model = kl.fit(data, kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0, 1)))
     kl.with_quantiles(model, data).save(folder / "model.npz")
     scenario = Scenario.load(folder / "scenario.toml")
-    drive(_Still(), scenario, info={"u_min": [-1, -1]}).save(folder / "run.npz")
     controller = kl.Controller(kl.nominal_unicycle(0.1), scenario.problem())
     recorder = SimulationRecorder(controller)
     recorder.write(folder, drive(controller, scenario, watch=recorder))
     recorded = {"drive.mcap": (folder / "drive.mcap").read_bytes()}
-    made = {name: (folder / f"{name}.npz").read_bytes() for name in ("log", "model", "run")}
+    made = {name: (folder / f"{name}.npz").read_bytes() for name in ("log", "model")}
     pixels = bytes(range(0, 250, 2))[:120]
     plain = " ".join(map(str, pixels)).encode()
     return {
@@ -250,7 +236,6 @@ def make_readers(folder: Path) -> dict[str, Reader]:
         "csv": Reader({"log.csv": CSV.encode()}, _log),
         "npz": Reader({"log.npz": made["log"]}, _log),
         "model": Reader({"model.npz": made["model"]}, _model),
-        "run": Reader({"run.npz": made["run"]}, _run),
         "drive": Reader(recorded, _drive),
         "drive without checksums": Reader(
             {"drive.mcap": without_checksums(recorded["drive.mcap"])}, _drive

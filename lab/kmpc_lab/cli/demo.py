@@ -59,7 +59,6 @@ OWN_FILES = (
     f"run/{NAME}.csv",
     f"run/{NAME}.tlog",
     f"run/{NAME}.mcap",
-    "run.npz",
     "report.html",
 )
 """What a demo writes into its folder, and replaces the next time."""
@@ -154,7 +153,6 @@ def demo(
     if driven is None:
         say("stopped: no report")
         return report, status
-    driven.save(folder / "run.npz")
     say(f"   {describe(driven)}{_busy(report['loop'])}")
     page = folder / "report.html"
     write_report(
@@ -280,7 +278,6 @@ def simulated(options: argparse.Namespace) -> int:
         plant, problem, scenario = "learned", course.problem, course.scenario
         say("   " + course.text.replace("\n", "\n   "))
     drive, recorder = simulate(model, scenario, plant, problem, None)
-    drive.save(folder / "run.npz")
     recorder.write(folder / "run", drive)
     drive = recorder.with_details(drive)
     say(f"3  drove {scenario.name}: {describe(drive)}")

@@ -20,12 +20,9 @@ if TYPE_CHECKING:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    text = (
-        "recorded drive: a folder or .mcap that --record wrote, or an .npz that kmpc simulate "
-        "-o wrote"
-    )
-    add("file", type=Path, metavar="run", help=text)
-    text = "page to write (default: the run's name with .html; report.html in a folder)"
+    text = "recorded drive: a folder, or the .mcap in it, that --record wrote"
+    add("file", type=Path, metavar="drive", help=text)
+    text = "page to write (default: report.html in the folder)"
     add("-o", "--output", type=Path, metavar="FILE", help=text)
     add("--model", type=Path, metavar="FILE", help="model of the run, to show how it was fitted")
     text = "play from this time on [s]; of a long drive every step is then there"
@@ -33,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--to", dest="end", type=float, metavar="S", help="play to this time [s]")
     add("--picture", type=Path, metavar="FILE", help="picture to write (.png, .svg), not the page")
     text = "more drives on the same map: page and picture show all"
-    add("--beside", type=Path, nargs="+", default=[], metavar="RUN", help=text)
+    add("--beside", type=Path, nargs="+", default=[], metavar="DRIVE", help=text)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,8 +64,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _between(drive: Run, begin: float | None, end: float | None) -> Run:
     """Give the drive with the steps of a part of it."""
-    if drive.details is None:
-        raise kl.ScenarioError("--from, --to: a run that was not recorded (--record) plays whole")
+    assert drive.details is not None  # it was recorded
     part = drive.details.between(
         -math.inf if begin is None else begin, math.inf if end is None else end
     )
@@ -84,9 +80,8 @@ COMMAND = Command(
     text="Show a drive as one HTML page, or as a picture.",
     examples=(
         "kmpc report drives/monday     # a folder of kmpc run --record, or kmpc simulate --record",
-        "kmpc report run.npz -o run.html",
         "kmpc report monday --beside tuesday   # both on one map, at the same time",
-        "kmpc report run.npz --picture run.png",
+        "kmpc report monday --picture monday.png",
     ),
     add_options=add_options,
     run=run,

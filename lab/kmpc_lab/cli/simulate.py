@@ -55,9 +55,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--lidar", type=positive, metavar="M", help=text)
     add = parser.add_argument_group("what to write").add_argument
-    add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
     add("--report", type=Path, metavar="FILE", help="report to write (.html)")
-    text = "folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit"
+    text = "folder for the drive, for kmpc report, kmpc fit and Foxglove"
     add("--record", type=Path, metavar="DIR", help=text)
     add_live_options(parser)
 
@@ -69,8 +68,7 @@ def run(options: argparse.Namespace) -> int:
     from kmpc_lab.sim.closed_loop import Outcome
 
     named = options.map or options.scenario or DEFAULT
-    for output in (options.output, options.report):
-        keep_inputs(output, options.model, Path(named))
+    keep_inputs(options.report, options.model, Path(named))
     if options.plant == "learned" and options.slip is not None:
         raise kl.ProblemError("--slip goes with --plant slip: a learned robot slips as its log did")
     scenario = read_scenario(options)
@@ -92,8 +90,6 @@ def run(options: argparse.Namespace) -> int:
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
-    if options.output:
-        drive.save(options.output)
     if options.report:
         from kmpc_lab.report.html import write_report
 
@@ -103,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(drive.summary()))
     else:
         print(describe(drive) + hint(drive, model) + held_apart(options, drive))
-        for name in filter(None, (options.output, options.report, recorded)):
+        for name in filter(None, (options.report, recorded)):
             print(f"wrote  {name}")
     return 0 if drive.outcome is Outcome.REACHED else 1
 

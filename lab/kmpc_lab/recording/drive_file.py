@@ -13,10 +13,9 @@ from firmware_bridge.recording.drive.encoder import BEGIN, END, FORMAT, VERSION
 from kmpc_lab.recording.columns import Columns, number
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lab.sim.details import Details
-from kmpc_lab.sim.run_file import errors_of
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
 from kmpc_lite.errors import ScenarioError
-from kmpc_lite.learn.formats.mcap import DRIVE, is_ours, read_messages
+from kmpc_lite.learn.formats.mcap import DRIVE, read_messages
 from kmpc_lite.reading import open_regular, parse_toml
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.world import obstacle_gaps
@@ -33,9 +32,7 @@ SHORTEST = 1e-3
 
 
 def load_drive(path: str | os.PathLike[str]) -> Run:
-    """Read a drive, simulated or real.
-
-    It is a folder or an .mcap that ``--record`` wrote, or an .npz of ``kmpc simulate -o``.
+    """Read a drive, simulated or real: a folder or an .mcap that ``--record`` wrote.
 
     Raises
     ------
@@ -43,8 +40,6 @@ def load_drive(path: str | os.PathLike[str]) -> Run:
         For a file that is missing, damaged, or no drive, in one line.
     """
     file = drive_file(Path(path))
-    if not is_ours(file) and file.suffix != ".mcap":
-        return Run.load(file)
     try:
         with open_regular(file, LARGEST_FILE) as opened:
             return drive_of(opened, str(file))
@@ -138,7 +133,7 @@ class _Drive:
             clearance=clearance,
             info=self._info,
             details=details,
-            errors=errors_of(outcome.get("errors")),
+            errors=_errors(outcome.get("errors")),
         )
 
     def _ended(self, details: Details, path: Array) -> tuple[dict[str, Any], float]:
@@ -232,6 +227,14 @@ def _numbered(stamps: Array, rows: list[tuple[int, Array]]) -> Array:
     times = np.array([time for time, _ in rows], dtype=np.int64)
     found: Array = np.searchsorted(times, stamps, side="right") - 1
     return found
+
+
+def _errors(told: Any) -> tuple[float, float] | None:
+    """Errors that a drive reported: two numbers, or None."""
+    if told is None:
+        return None
+    distance, turn = told
+    return number(distance), number(turn)
 
 
 def _object(text: str) -> dict[str, Any]:

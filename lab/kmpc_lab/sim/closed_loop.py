@@ -5,11 +5,9 @@ Every simulated drive goes through one loop: plan from the pose, move, look, go 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -194,25 +192,6 @@ class Run:
             },
             **self.info,
         }
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the run to an npz file that `Run.load` and ``kmpc report`` read."""
-        from kmpc_lab.sim.run_file import save_run
-
-        save_run(self, Path(path))
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Run:
-        """Read a run that `save` wrote.
-
-        Raises
-        ------
-        ScenarioError
-            For a file that is missing, damaged, or no run.
-        """
-        from kmpc_lab.sim.run_file import load_run
-
-        return load_run(Path(path))
 
 
 def drive(

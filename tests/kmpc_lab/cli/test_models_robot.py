@@ -43,7 +43,7 @@ def test_a_models_robot_is_simulated_and_reported(kind: str, tmp_path: Path, cap
         assert info["wheels"]["turning_radius"] == pytest.approx(0.5, rel=0.1)
     capsys.readouterr()
     drive = ["simulate", "--goal", "2", "1", "0", "--model", str(file)]
-    assert main([*drive, "--report", str(report), "-o", str(tmp_path / "run.npz"), "--json"]) == 0
+    assert main([*drive, "--report", str(report), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["outcome"] == "reached"
     told = report.read_text()
     assert "0.25" in told and "Noise at rest" in told

@@ -13,9 +13,7 @@ from kmpc_lite.cli import main as cli
 def test_report_of_a_run_and_of_its_model(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert (
-        cli.main(f"report {made}/run.npz -o run.html --model {made}/robot.npz --json".split()) == 0
-    )
+    assert cli.main(f"report {made}/run -o run.html --model {made}/robot.npz --json".split()) == 0
     assert json.loads(capsys.readouterr().out) == {"written": ["run.html"]}
     page = (here / "run.html").read_text()
     assert page.lstrip().lower().startswith("<!doctype html>")
@@ -25,7 +23,7 @@ def test_report_of_a_run_and_of_its_model(
 
 @NEEDS_PICTURES
 def test_report_as_a_picture(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["report", str(made / "run.npz"), "--picture", "run.png"]) == 0
+    assert cli.main(["report", str(made / "run"), "--picture", "run.png"]) == 0
     assert capsys.readouterr().out.split() == ["wrote", "run.png"] and files(here) == ["run.png"]
     assert Path("run.png").read_bytes().startswith(b"\x89PNG")
 
@@ -33,10 +31,7 @@ def test_report_as_a_picture(made: Path, here: Path, capsys: pytest.CaptureFixtu
 @NEEDS_PICTURES
 @pytest.mark.parametrize(
     "line",
-    [
-        "report {made}/run.npz -o no/folder/run.html",
-        "report {made}/run.npz --picture no/folder/run.png",
-    ],
+    ["report {made}/run -o no/folder/run.html", "report {made}/run --picture no/folder/run.png"],
 )
 def test_a_report_that_cannot_be_written_is_reported_in_one_line(
     line: str, made: Path, here: Path, capsys: pytest.CaptureFixture[str], blank: None

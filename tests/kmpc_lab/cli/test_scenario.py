@@ -29,13 +29,13 @@ def test_what_cannot_be_driven_is_reported_in_one_line(
 def test_a_drawn_scenario_is_driven_and_can_be_read_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from kmpc_lab import Run
+    from kmpc_lab import load_drive
 
     monkeypatch.chdir(tmp_path)
-    line = "simulate --goal 0.8 0.2 0 --obstacle 0.4 -0.4 0.1 -o run.npz"
+    line = "simulate --goal 0.8 0.2 0 --obstacle 0.4 -0.4 0.1 --record run"
     assert main(line.split()) == 0
     assert capsys.readouterr().out.startswith("reached after")
-    assert Run.load("run.npz").scenario.goal == (0.8, 0.2, 0.0)
+    assert load_drive("run").scenario.goal == (0.8, 0.2, 0.0)
 
 
 def test_a_route_is_driven_goal_by_goal_and_recorded_so(

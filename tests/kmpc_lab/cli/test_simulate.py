@@ -7,7 +7,7 @@ import pytest
 from command_folder import NEEDS_PICTURES, SHORT, files
 
 import kmpc_lite as kl
-from kmpc_lab import Run
+from kmpc_lab import load_drive
 from kmpc_lite.cli import main as cli
 
 
@@ -15,21 +15,21 @@ def test_simulate_drives_and_keeps_the_run(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario = str(made / "short.toml")
-    words = f"--model {made}/robot.npz --scenario {scenario} --seed 5 --margin 0.03 -o run.npz"
+    words = f"--model {made}/robot.npz --scenario {scenario} --seed 5 --margin 0.03 --record run"
     assert cli.main(["simulate", *words.split()]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith("reached after") and "run.npz" in out and err == ""
-    run = Run.load("run.npz")
+    assert out.startswith("reached after") and "run/drive.mcap" in out and err == ""
+    run = load_drive("run")
     assert run.outcome.value == "reached"
     assert (run.scenario.name, run.scenario.seed, run.scenario.margin) == ("short", 5, 0.03)
-    assert files(here) == ["run.npz"]
+    assert files(here) == ["run", "run/drive.mcap"]
 
 
 def test_simulate_drives_with_the_options_of_the_scenario(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (here / "tuned.toml").write_text(f"{SHORT}[controller.guidance]\nlead_time = 0.3\n")
-    assert cli.main(["simulate", "tuned.toml", "--json", "-o", "run.npz"]) == 0
+    assert cli.main(["simulate", "tuned.toml", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["options"] == {"guidance": {"lead_time": 0.3}}
     (here / "wrong.toml").write_text(f"{SHORT}[controller.guidance]\nlead_tim = 0.3\n")

@@ -10,13 +10,13 @@ from kmpc_lab import Run
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lite.cli.main import main
 
-DRIVE = "simulate --goal 1.4 0 0 --obstacle 0.7 0 0.15 --json -o"
+DRIVE = "simulate --goal 1.4 0 0 --obstacle 0.7 0 0.15 --json --record"
 CLOSE = "--clearance 0 --set guidance.wide_clearance=0.05 --set guidance.narrow_clearance=0.05"
 
 
 def driven(name: str, more: str = "") -> Run:
-    assert main(f"{DRIVE} {name}.npz {more}".split()) == 0
-    return Run.load(f"{name}.npz")
+    assert main(f"{DRIVE} {name} {more}".split()) == 0
+    return load_drive(name)
 
 
 def test_each_option_changes_the_drive_as_its_name_says(
@@ -32,7 +32,7 @@ def test_each_option_changes_the_drive_as_its_name_says(
     change = np.abs(np.diff(smooth.inputs, axis=0)).max(axis=0) / smooth.dt
     assert (change <= (0.3 + 1e-6, 1.2 + 1e-6)).all()
     capsys.readouterr()
-    assert main("report usual.npz --beside wide.npz close.npz --picture p.png".split()) == 0
+    assert main("report usual --beside wide close --picture p.png".split()) == 0
     assert (tmp_path / "p.png").stat().st_size > 10_000
 
 

@@ -55,9 +55,6 @@ def test_a_part_of_a_drive_is_shown(
     capsys.readouterr()
     assert cli.main([*words, "--from", "90"]) == 2
     assert "no step from 90 s to inf s: the drive lasts from 0.00 s to" in capsys.readouterr().err
-    run.save(tmp_path / "run.npz")
-    assert cli.main(["report", str(tmp_path / "run.npz"), "--to", "1"]) == 2
-    assert "was not recorded" in capsys.readouterr().err
 
 
 def test_only_what_the_robot_obeyed_is_learned_from(scenario: Scenario, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from report_page import FIT, HOSTILE, LIMITS, MODEL, Page, a_run, some
 
 import kmpc_lite as kl
-from kmpc_lab import Run, draw_drives, write_report
+from kmpc_lab import draw_drives, write_report
 from kmpc_lite.scenario.files import Scenario
 
 
@@ -78,10 +78,7 @@ def test_the_page_shows_the_options_that_were_changed(runs, tmp_path, blank):
     controller = kl.Controller(MODEL, scenario.problem(), options=options)
     driven = a_run(scenario, controller)
     assert driven.info["options"] == tuned
-    driven.save(tmp_path / "run.npz")
-    again = Run.load(tmp_path / "run.npz")
-    assert again.scenario.options == options and again.info["options"] == tuned
-    write_report(tmp_path / "run.html", again)
+    write_report(tmp_path / "run.html", driven)
     words = Page(tmp_path / "run.html").words
     assert f"Options that were changed {json.dumps(tuned)}" in words
     write_report(tmp_path / "run.html", runs["single"])

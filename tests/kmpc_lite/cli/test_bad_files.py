@@ -130,7 +130,7 @@ def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(
 
 
 def test_a_bad_scenario_and_a_bad_model_are_refused(here: Path, capsys: pytest.CaptureFixture[str]):
-    drive = ["simulate", "-o", "run.npz", "--report", "run.html"]
+    drive = ["simulate", "--record", "run", "--report", "run.html"]
     (here / "map.toml").write_text(GOOD_SCENARIO.replace("goal = [1.5, 1.5", "goal = [0.7, 0.7"))
     told = "[robot] goal: (0.7, 0.7) is 0.141421 m from the centre of circle 0"
     refused([*drive, "--scenario", "map.toml"], told, here, capsys)

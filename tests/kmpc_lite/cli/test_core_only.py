@@ -49,7 +49,7 @@ def test_a_missing_extra_is_reported_before_anything_is_done(tmp_path: Path) -> 
         "demo --robot rover": "kmpc-lab[plot]",
         "demo --robot simulated": "kmpc-lab[plot]",
         "demo --log run.csv": "kmpc-lab[plot]",
-        "report run.npz": "kmpc-lab[plot]",
+        "report drive": "kmpc-lab[plot]",
         "simulate mehrez --report run.html": "kmpc-lab[plot]",
         "bench --picture bench.png": "kmpc-lab[plot]",
         "study table1": "kmpc-lab[peers]",

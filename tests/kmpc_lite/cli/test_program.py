@@ -54,7 +54,7 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [
             sys.executable,
-            *f"-m kmpc_lite.cli.main simulate --scenario {endless} -o {tmp_path}/run.npz".split(),
+            *f"-m kmpc_lite.cli.main simulate --scenario {endless} --record {tmp_path}/run".split(),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -45,11 +45,13 @@ def test_what_cannot_be_meant_is_reported(lidar, told):
 def test_the_option_is_the_section(tmp_path):
     file = tmp_path / "map.toml"
     file.write_text(read({"beams": 60}).to_toml())
-    out = str(tmp_path / "run.npz")
-    words = ["--timeout", "0.2", "-o", out]
+    out = str(tmp_path / "run")
+    words = ["--timeout", "0.2", "--record", out]
     assert main(["simulate", str(file), "--lidar", "2", *words]) == 1
-    from kmpc_lab import Run
+    from kmpc_lab import load_drive
 
-    assert Run.load(out).scenario.lidar == LidarSpec(2.0, 60)
+    assert load_drive(out).scenario.lidar == LidarSpec(2.0, 60)
     assert main(["simulate", str(file), *words]) == 1
-    assert Run.load(out).scenario.lidar == LidarSpec(4.0, 60) and len(Run.load(out).scans) == 2
+    again = load_drive(out)
+    assert again.scenario.lidar == LidarSpec(4.0, 60)
+    assert again.details is not None and len(again.details.scans) == 2
