@@ -42,8 +42,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--start", nargs=3, type=float, metavar=("X", "Y", "THETA"), help=text)
     text = (
         "slip: a robot that slips at random (default)\n"
-        "mujoco: the digital twin of a ROSbot 2, on mecanum wheels too, or of a car, among the "
-        "scenario's obstacles"
+        "mujoco: the digital twin of a ROSbot 2, among the scenario's obstacles"
     )
     add("--physics", choices=("slip", "mujoco"), default="slip", help=text)
     add("--slip", type=float, help="mean slip ratio of the floor")
@@ -147,8 +146,7 @@ def _emulator(
     if options.physics == "mujoco":
         from kmpc_lab.sim.twin import Twin
 
-        seed, kind = options.seed, robot.wheels.kind
-        twin = Twin.of(scenario, seed, kind) if scenario else Twin(seed=seed, wheels=kind)
+        twin = Twin.of(scenario, options.seed) if scenario else Twin(seed=options.seed)
     emulator = build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
     if options.lidar is None:
         return emulator, None

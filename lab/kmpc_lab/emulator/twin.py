@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from firmware_bridge.kinematics import Geometry
+from firmware_bridge.kinematics import Geometry, WheelGeometry
 from firmware_bridge.messages import ConfigError
 from kmpc_lab.emulator.body import COAST, STEP, STILL, Body
 from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
@@ -29,11 +29,10 @@ class TwinBody(Body):
 
     def __init__(self, geometry: Geometry, twin: Twin, now: float) -> None:
         super().__init__(geometry, slip=0.0, turn_gain=1.0, seed=0, lag=0.0, now=now)
-        own = twin.vehicle.geometry
-        if len(geometry.names) != len(own.names) or type(geometry) is not type(own):
+        if not isinstance(geometry, WheelGeometry):
             raise ConfigError(
-                f"physics: expected a board for wheels {', '.join(own.names)}, which the digital "
-                f"twin has, got one for {', '.join(geometry.names)}"
+                "physics: expected a board for a left and a right side, which the digital twin "
+                f"has, got one for {', '.join(geometry.names)}"
             )
         self.twin = twin
         self._angles = twin.wheel_angles
@@ -49,7 +48,6 @@ class TwinBody(Body):
         self._angles = self.twin.wheel_angles
 
     def _step(self) -> None:
-        self._steer()
         targets = []
         for i in range(len(self.command)):
             change = min(max(self.command[i], -self._top), self._top) - self._ramped[i]
@@ -58,8 +56,6 @@ class TwinBody(Body):
                 self._ramped[i] if self.driven[i] else self.speeds[i] * math.exp(-STEP / COAST)
             )
         self.twin.turn_wheels(*self._geometry.from_channels(*targets))
-        if car := self.twin.vehicle.car:
-            self.twin.steer(self.steered * car.steering_angle)
         self.twin.advance(STEP)
         angles, speeds = self.twin.wheel_angles, self.twin.wheel_speeds
         turned, self._angles = angles - self._angles, angles

@@ -73,8 +73,8 @@ STUDIES = {
             "robot_drives:drive_random",
             {
                 "wheels": Axis(
-                    ("differential", "round", "car", "omni", "twin-car", "twin-omni"),
-                    "what is drawn: round without footprints, twin- of the digital twin",
+                    ("differential", "round", "car", "omni"),
+                    "what is drawn: round without footprints",
                     usual=("differential",),
                 )
             },

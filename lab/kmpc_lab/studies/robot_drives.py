@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,6 @@ from kmpc_lab.studies.any_robot import (
 from kmpc_lab.studies.any_wheels import CarRobot, Moves, OmniRobot, draw_car, draw_omni
 from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.table import DRIVES, STOPPED, TIME, Column, count_of
-from kmpc_lite.cli.command import need
 from kmpc_lite.control import Circle, Controller
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS
@@ -77,7 +76,7 @@ def drive_random(wheels: str, seed: int) -> DriveResult:
     """Draw a robot on some wheels, learn it and drive it over one random map of its size."""
     if wheels in ("differential", "round"):
         return drive(random_robot(seed, wheels == "differential"), seed)
-    robot = _drawn(wheels, seed)
+    robot = (draw_car if wheels == "car" else draw_omni)(seed)
     model, problem, plant = robot.ready(seed)
 
     def ready(side: float) -> tuple[Controller, Moves]:
@@ -85,18 +84,3 @@ def drive_random(wheels: str, seed: int) -> DriveResult:
         return Controller(model, replace(problem, x_min=-area, x_max=area)), plant
 
     return drive_course(robot, seed, ready)
-
-
-def _drawn(wheels: str, seed: int) -> CarRobot | OmniRobot:
-    """Draw a robot on other wheels, or one of the digital twin."""
-    if wheels.startswith("twin-"):
-        from kmpc_lab.studies import any_twin  # needs MuJoCo
-
-        return (any_twin.twin_car if wheels == "twin-car" else any_twin.twin_omni)(seed)
-    return (draw_car if wheels == "car" else draw_omni)(seed)
-
-
-def prepare(values: Sequence[Sequence[object]]) -> None:
-    """See that the digital twin can be driven where it is asked for."""
-    if any(str(kind).startswith("twin-") for kind in values[0]):
-        need("the digital twin", "mujoco")

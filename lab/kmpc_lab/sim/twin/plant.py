@@ -6,20 +6,14 @@ Under its wheels are tile, carpet, a wet patch; that may change on the way.
 from __future__ import annotations
 
 import math
-import os
-import sys
 from collections.abc import Mapping, Sequence
-from ctypes.util import find_library
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from firmware_bridge.kinematics import OmniGeometry
-from firmware_bridge.messages import speeds_of
-from kmpc_lab.sim.twin.vehicles import VEHICLES, front_wheels, write_mjcf
-from kmpc_lite.control.wheels import Wheels, wheels_to_table
+from kmpc_lab.sim.twin.mjcf import CORNERS, TOP_SPEED, TORQUE, WHEELS, write_mjcf
 from kmpc_lite.control.world.shapes import Circle
 from kmpc_lite.errors import KmpcError, ScenarioError
 from kmpc_lite.scenario.files import Scenario
@@ -35,7 +29,8 @@ WARM_UP = 120
 """Steps in which a robot that was put down comes to rest."""
 WEIGHT_SPREAD, TYRE_SPREAD = 0.01, 0.005
 """Standard deviations between robots: of where the weight lies [m], of the tyres' radii (share)."""
-ENTIRE_ROOM = (-2.0, -2.0, 2.0, 2.0)
+SIDES = np.array((0, 1, 0, 1))
+"""Which side of the robot each motor turns."""
 
 
 @dataclass(frozen=True)
@@ -146,14 +141,7 @@ class TwinMissing(KmpcError):
 
 
 def load_mujoco() -> Any:
-    """Import MuJoCo, or say how to install it.
-
-    If there is no display, it renders with the off-screen library that the machine has.
-    """
-    if "mujoco" not in sys.modules and "DISPLAY" not in os.environ:
-        # MuJoCo reads this once, when it is imported
-        found = next((name for name in ("EGL", "OSMesa") if find_library(name)), None)
-        os.environ.setdefault("MUJOCO_GL", "disable" if found is None else found.lower())
+    """Import MuJoCo, or say how to install it."""
     try:
         import mujoco
     except ImportError as error:
@@ -165,10 +153,9 @@ class Twin:
     """A robot on a floor, among cylinders; a plant as `DifferentialDrive` is one, for one robot.
 
     Its wheel speeds follow set-points by a PI loop with a motor's torque and speed limits. What a
-    command (v, omega), or an omni's (v_x, v_y, omega), says to the wheels is the maker's kinematics
-    with the geometric track: a skid-steered robot turns by sliding, so it turns less. It keeps its
-    own state: `trace` moves on from where it is, unless it is given another pose, where it is then
-    put down, standing.
+    command (v, omega) says to the wheels is the maker's kinematics with the geometric track: a
+    skid-steered robot turns by sliding, so it turns less. It keeps its own state: `trace` moves on
+    from where it is, unless it is given another pose, where it is then put down, standing.
 
     Parameters
     ----------
@@ -181,12 +168,6 @@ class Twin:
         one.
     pose : tuple
         Where it stands [m, m, rad].
-    bounds : tuple
-        What the cameras see [m].
-    goal : tuple, optional
-        Where to draw a disk [m].
-    wheels : {"differential", "car", "omni"}
-        Which robot: a skid-steered ROSbot 2, a car, or a ROSbot 2 on mecanum wheels.
 
     Raises
     ------
@@ -202,31 +183,23 @@ class Twin:
         ground: Ground | None = None,
         seed: int = 0,
         pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        bounds: tuple[float, float, float, float] = ENTIRE_ROOM,
-        goal: tuple[float, float] | None = None,
-        wheels: str = "differential",
     ) -> None:
-        self._mujoco, self.vehicle = load_mujoco(), VEHICLES[wheels]
+        self._mujoco = load_mujoco()
         if any(c.vx or c.vy for c in circles):
             raise ScenarioError("twin: expected obstacles that stand still, got one that moves")
         self.ground = Ground() if ground is None else ground
-        patches = [(p.x, p.y, p.radius) for p in self.ground.patches]
-        xml = write_mjcf(self.vehicle, circles, bounds, goal, patches)
-        self.model = self._mujoco.MjModel.from_xml_string(xml)
+        self.model = self._mujoco.MjModel.from_xml_string(write_mjcf(circles))
         self.data = self._mujoco.MjData(self.model)
         self._step = float(self.model.opt.timestep)
         self._vary(seed)
-        axles = [self.model.joint(name) for name in self.vehicle.axles]
+        names = [name for name, _, _ in CORNERS]
+        axles = [self.model.joint(name) for name in names]
         self._axle_q = np.array([axle.qposadr[0] for axle in axles])
         self._axle_v = np.array([axle.dofadr[0] for axle in axles])
-        self._tyres = np.array([self.model.geom(name).id for name in self.vehicle.tyres])
-        # of a mecanum wheel's rollers
-        self._axle_of = np.arange(len(self._tyres)) * len(axles) // len(self._tyres)
-        self._motors, self._by_axles = len(self.vehicle.motors), np.array(self.vehicle.by_axles)
+        self._tyres = np.array([self.model.geom(name).id for name in names])
         self._obstacles = [self.model.geom(f"obstacle{i}").id for i in range(len(circles))]
-        self._turns_wheel = np.array(self.vehicle.motors)
-        self.target: Array = np.zeros(self._motors)
-        """Asked of the motors [rad/s]; of four: front left, front right, rear left, rear right."""
+        self.target: Array = np.zeros(len(names))
+        """Asked of the motors [rad/s]: front left, front right, rear left, rear right."""
         self.time = 0.0
         """Since the beginning [s]; a robot that is put down elsewhere does not turn it back."""
         self.touched: float | None = None
@@ -234,14 +207,10 @@ class Twin:
         self.place(*pose)
 
     @classmethod
-    def of(cls, scenario: Scenario, seed: int = 0, wheels: str | None = None) -> Twin:
-        """Build the twin of a scenario: its obstacles, its floor, its start, its wheels."""
+    def of(cls, scenario: Scenario, seed: int = 0) -> Twin:
+        """Build the twin of a scenario: its obstacles, its floor, its start."""
         ground = Ground.named(scenario.ground, scenario.ground_changes, scenario.ground_patches)
-        if wheels is None:
-            given = scenario.wheels
-            wheels = wheels_to_table(given)["kind"] if isinstance(given, Wheels) else "differential"
-        place = scenario.start, scenario.bounds, scenario.goal[:2]
-        return cls(scenario.circles, ground, seed, *place, wheels)
+        return cls(scenario.circles, ground, seed, scenario.start)
 
     def _vary(self, seed: int) -> None:
         """Make it one robot of many."""
@@ -250,18 +219,17 @@ class Twin:
         random = np.random.default_rng([seed, 7])
         body = self.model.body("robot").id
         self.model.body_ipos[body, :2] += WEIGHT_SPREAD * random.normal(size=2)
-        for name in self.vehicle.tyres:
+        for name, _, _ in CORNERS:
             drawn = min(max(random.normal(), -3.0), 3.0)
             self.model.geom(name).size[[0, 2]] *= 1.0 + TYRE_SPREAD * drawn
 
     def place(self, x: float, y: float, theta: float) -> None:
         """Put the robot down, standing: [m], [m], [rad]."""
         self._mujoco.mj_resetData(self.model, self.data)
-        radius = self.vehicle.radius
+        radius = WHEELS.wheel_radius
         self.data.qpos[:7] = x, y, radius, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
         self.target[:] = 0.0
-        self._asked_angle = self._angle = 0.0
-        self._ramped, self._filtered, self._integral = np.zeros((3, self._motors))
+        self._filtered, self._integral = np.zeros((2, len(self.target)))
         self._floors: list[Floor | None] = [None] * len(self._tyres)
         self._count, self._heading = 0, math.remainder(theta, math.tau)
         self._turns = theta - self._heading
@@ -273,14 +241,6 @@ class Twin:
         self.data.qvel[:] = 0.0
         self._mujoco.mj_forward(self.model, self.data)
         self._last = self.pose
-
-    def show(self, pose: tuple[float, float, float], rolled: float) -> None:
-        """Put the robot at a pose for a picture, its wheels turned by so much [rad]."""
-        x, y, theta = pose
-        self.data.qpos[:3] = x, y, self.vehicle.radius
-        self.data.qpos[3:7] = math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
-        self.data.qpos[self._axle_q] += rolled
-        self._mujoco.mj_forward(self.model, self.data)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -294,33 +254,24 @@ class Twin:
 
     @property
     def wheel_angles(self) -> Array:
-        """How far each wheel of its geometry has turned since it was put down [rad]."""
-        return self._of_wheels(self.data.qpos[self._axle_q])
+        """How far the wheels of each side have turned since it was put down, in the mean [rad]."""
+        return self._of_sides(self.data.qpos[self._axle_q])
 
     @property
     def wheel_speeds(self) -> Array:
-        """Of each wheel of its geometry [rad/s]."""
-        return self._of_wheels(self.data.qvel[self._axle_v])
+        """Of the wheels of each side, in the mean [rad/s]."""
+        return self._of_sides(self.data.qvel[self._axle_v])
 
-    def _of_wheels(self, axles: Array) -> Array:
-        """Means over the motors that turn a wheel, from values of the axles."""
-        wheels = self._turns_wheel
-        return np.asarray(np.bincount(wheels, self._by_axles @ axles) / np.bincount(wheels))
+    def _of_sides(self, wheels: Array) -> Array:
+        return np.asarray(0.5 * np.bincount(SIDES, wheels))
 
-    def command(self, v: float, omega: float, vy: float = 0.0) -> None:
-        """Ask for v, omega and an omni's v_y [m/s, rad/s], as if its wheels did not slip."""
-        if car := self.vehicle.car:
-            self.steer(car.angle(car.steer(v, omega, math.tan(self._asked_angle) / car.wheelbase)))
-        self.turn_wheels(*self.vehicle.geometry.wheels(v, omega, vy))
+    def command(self, v: float, omega: float) -> None:
+        """Ask for v and omega [m/s, rad/s], as if its wheels did not slip."""
+        self.turn_wheels(*WHEELS.wheels(v, omega))
 
-    def turn_wheels(self, *speeds: float) -> None:
-        """Ask for speeds of the wheels of its geometry [rad/s]."""
-        top = self.vehicle.top_speed
-        self.target[:] = np.clip(np.array(speeds)[self._turns_wheel], -top, top)
-
-    def steer(self, angle: float) -> None:
-        """Ask a car's servo for an angle of the front wheels, to the left [rad]."""
-        self._asked_angle = angle
+    def turn_wheels(self, left: float, right: float) -> None:
+        """Ask for speeds of both sides [rad/s]."""
+        self.target[:] = np.clip(np.array((left, right))[SIDES], -TOP_SPEED, TOP_SPEED)
 
     def advance(self, seconds: float) -> None:
         """Let time pass; to the nearest step."""
@@ -333,13 +284,13 @@ class Twin:
         self.time = end
 
     def step(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """State (3,) after a period of dt [s] with the command u (m,)."""
+        """State (3,) after a period of dt [s] with the command u (2,)."""
         return np.asarray(self.trace(x, u, dt, 1)[0])
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, 3)."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        shapes = (STATES,), (INPUTS + isinstance(self.vehicle.geometry, OmniGeometry),)
+        shapes = (STATES,), (INPUTS,)
         if (state.shape, command.shape) != shapes:
             raise ValueError(
                 f"expected one state {shapes[0]} and one command {shapes[1]}, "
@@ -347,7 +298,7 @@ class Twin:
             )
         if not np.allclose(state, self._last, rtol=0.0, atol=1e-9):
             self.place(*state.tolist())
-        self.command(*speeds_of(command.tolist()))
+        self.command(*command.tolist())
         path = np.empty((substeps, STATES))
         for i in range(substeps):
             self.advance(dt / substeps)
@@ -361,20 +312,14 @@ class Twin:
             self._look_down()
             self._unwrapped()
         self._count += 1
-        h, data, motors = self._step, self.data, slice(self._motors)
-        most = h * self.vehicle.ramp
-        self._ramped = np.clip(self.target, self._ramped - most, self._ramped + most)
-        self._filtered += (self._ramped - self._filtered) * (h / (SERVO_LAG + h))
+        h, data = self._step, self.data
+        self._filtered += (self.target - self._filtered) * (h / (SERVO_LAG + h))
         # the proportional part is the actuator's own, which MuJoCo integrates implicitly; no
         # wind-up at the motor's limit
-        free = np.abs(data.actuator_force[motors]) < self.vehicle.torque * (1.0 - 1e-9)
-        behind = self._filtered - self._by_axles @ data.qvel[self._axle_v]
+        free = np.abs(data.actuator_force) < TORQUE * (1.0 - 1e-9)
+        behind = self._filtered - data.qvel[self._axle_v]
         self._integral += free * behind * (h / RESET_TIME)
-        data.ctrl[motors] = self._filtered + self._integral
-        if self.vehicle.car and self._angle != self._asked_angle:
-            most = h * self.vehicle.servo_rate
-            self._angle += min(max(self._asked_angle - self._angle, -most), most)
-            data.ctrl[self._motors :] = front_wheels(self.vehicle.car, self._angle)
+        data.ctrl[:] = self._filtered + self._integral
         self._mujoco.mj_step(self.model, data)
 
     def _look_down(self) -> None:
@@ -385,7 +330,7 @@ class Twin:
                 self._floors[i] = floor
                 self.model.pair_friction[i, :2] = floor.sliding
                 self.model.pair_friction[i, 2] = floor.sliding * floor.patch_radius
-                self.model.dof_frictionloss[self._axle_v[self._axle_of[i]]] = floor.rolling
+                self.model.dof_frictionloss[self._axle_v[i]] = floor.rolling
 
     def _watch(self) -> None:
         """Notice the first touch of an obstacle."""

@@ -8,6 +8,7 @@ import pytest
 
 from kmpc_lab import Outcome, drive
 from kmpc_lab.sim.twin import FLOORS, Floor, Ground, Twin
+from kmpc_lab.sim.twin.mjcf import TORQUE
 from kmpc_lite import Circle, Controller, NavigationProblem, ScenarioError, nominal_unicycle
 from kmpc_lite.scenario.files import Scenario
 
@@ -64,7 +65,7 @@ def test_a_touch_is_felt_and_pushes_back():
     twin.advance(2.0)
     assert twin.touched is not None and 0.5 < twin.touched < 1.2
     assert twin.pose[0] < 0.45
-    assert np.abs(twin.data.actuator_force).max() <= twin.vehicle.torque
+    assert np.abs(twin.data.actuator_force).max() <= TORQUE
 
 
 def test_it_is_a_plant_of_the_closed_loop():
