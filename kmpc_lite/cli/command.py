@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import argparse
 import re
-from argparse import ArgumentTypeError
+from argparse import SUPPRESS, ArgumentTypeError
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
 from importlib.util import find_spec
+from textwrap import fill
 from typing import Any, NoReturn
 
 from kmpc_lite import __version__
@@ -21,37 +22,32 @@ from kmpc_lite.errors import KmpcError, did_you_mean
 
 BRIDGE, LOGS, PLOT = "kmpc-lite[bridge]", "kmpc-lite[logs]", "kmpc-lab[plot]"
 EXTRAS = {
-    "PIL": PLOT,
-    "casadi": "kmpc-lab[peers]",
-    "jinja2": PLOT,
-    "matplotlib": PLOT,
-    "mujoco": "kmpc-lab[twin]",
-    "mcap": BRIDGE,
-    "pymavlink": BRIDGE,
-    "pyulog": LOGS,
-    "rclpy": "kmpc-lite[ros2-test]",
-    "serial": BRIDGE,
-    "rosbags": LOGS,
+    **dict.fromkeys(("mcap", "pymavlink", "serial"), BRIDGE),
+    **dict.fromkeys(("pyulog", "rosbags"), LOGS),
+    **dict.fromkeys(("PIL", "jinja2", "matplotlib"), PLOT),
+    **{"casadi": "kmpc-lab[peers]", "mujoco": "kmpc-lab[twin]", "rclpy": "kmpc-lite[ros2-test]"},
 }
 """Distribution and extra of it that bring a module."""
 LAB_LINE = "pip install kmpc-lab"
-PARTS = "kmpc.parts"
-"""Entry points of what kmpc-lab adds to a command of the robot."""
-ENTRY_POINTS = "kmpc.commands"
+ENTRY_POINTS, PARTS = "kmpc.commands", "kmpc.parts"
+"""Entry points of commands, and of what kmpc-lab adds to a command of the robot."""
 ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"), "export")
-"""Commands of a robot, in the order in which the help shows them."""
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
-"""Commands of a desk, which the distribution kmpc-lab brings."""
-PROGRAM, SHARED = "kmpc", ("help", "json")
-"""Options that every command takes: only the help of `kmpc` itself shows them."""
-ON_THE_ROBOT, DESK = "commands for a robot", "commands for a desk (kmpc-lab)"
-"""Headings of the two groups."""
-LARGEST = 1e9
-"""Beyond it a number is a slip of the pen."""
+"""Commands of a robot, and of a desk, which kmpc-lab brings; the help shows them in this order."""
+PROGRAM, LARGEST = "kmpc", 1e9
+"""Beyond the largest a number is a slip of the pen."""
 
 
 class MissingExtra(KmpcError):
     """An optional dependency is not installed."""
+
+
+class UsageError(KmpcError):
+    """A command line that cannot be understood; `prog` is whose help explains it."""
+
+    def __init__(self, prog: str, text: str) -> None:
+        super().__init__(text)
+        self.prog = prog
 
 
 def is_installed(module: str) -> bool:
@@ -95,10 +91,6 @@ def part(what: str, name: str) -> Any:
     raise MissingExtra(f"{what} comes with kmpc-lab: {LAB_LINE}")
 
 
-def no_options(parser: argparse.ArgumentParser) -> None:
-    """Add nothing."""
-
-
 def _nothing(options: argparse.Namespace) -> int:
     raise AssertionError("a group of commands does nothing itself")
 
@@ -111,7 +103,7 @@ class Command:
     """What it does, in one sentence."""
     examples: tuple[str, ...]
     """Command lines; the first word is ``kmpc``."""
-    add_options: Callable[[argparse.ArgumentParser], None] = no_options
+    add_options: Callable[[argparse.ArgumentParser], None] = lambda parser: None
     """Adds the command's options to its parser; ``--json`` is there already."""
     run: Callable[[argparse.Namespace], int] = _nothing
     """Does it, and returns the exit status."""
@@ -121,67 +113,25 @@ class Command:
     """Not empty: a group, whose commands these are."""
 
 
-class UsageError(KmpcError):
-    """A command line that cannot be understood."""
-
-    def __init__(self, prog: str, text: str) -> None:
-        super().__init__(text)
-        self.prog = prog
-        """Whose help explains it: ``kmpc fit``."""
-
-
 def refuse_unread(
     prog: str, job: str, options: argparse.Namespace, shared: Sequence[str], reads: Sequence[str]
 ) -> None:
     """Refuse options that were given, and that the job that was asked for does not read.
 
-    `prog`: whose help explains it: ``kmpc bench``. `job`: what was asked for: ``kmpc bench --fit``.
-    `options`: None or False is what a command line does not name. `shared`, `reads`: options that
-    not every job reads, and those that this one does: ``--drives``. Raises UsageError: in one line.
+    `prog`: whose help explains it: ``kmpc bench``. `job`: what was asked for: ``kmpc bench --loop``.
+    `shared`, `reads`: options that not every job reads, and those that this one does. Raises
+    UsageError: in one line.
     """
-
-    def is_given(option: str) -> bool:
-        return getattr(options, option.removeprefix("--").replace("-", "_")) not in (None, False)
-
-    given = [option for option in shared if option not in reads and is_given(option)]
-    if given:
-        them, those = "it" if len(given) == 1 else "them", ", ".join(reads) or "no others"
-        text = f"{', '.join(given)}: {job} does not read {them}; it reads {those}"
-        raise UsageError(prog, text)
+    names = {option: option.removeprefix("--").replace("-", "_") for option in shared}
+    given = [o for o, n in names.items() if getattr(options, n) not in (None, False)]
+    if unread := [option for option in given if option not in reads]:
+        them, those = "it" if len(unread) == 1 else "them", ", ".join(reads) or "no others"
+        told = f"{', '.join(unread)}: {job} does not read {them}; it reads {those}"
+        raise UsageError(prog, told)
 
 
 class HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Keeps the line breaks of descriptions, examples and helps, and aligns lists of commands."""
-
-    def add_argument(self, action: argparse.Action) -> None:
-        """Leave out what every command takes, and make room for the indentation of commands."""
-        if self._is_shared(action):
-            return
-        super().add_argument(action)
-        if isinstance(action, argparse._SubParsersAction):
-            self._action_max_length += self._indent_increment
-
-    def _is_shared(self, action: argparse.Action) -> bool:
-        return action.dest in SHARED and self._prog != PROGRAM
-
-    def add_usage(
-        self, usage: str | None, actions: Iterable[argparse.Action], *more: Any, **named: Any
-    ) -> None:
-        """Name what must be given; the options stand below."""
-        actions = [action for action in actions if not self._is_shared(action)]
-        must = [a for a in actions if a.required or not a.option_strings]
-        if len(must) < len(actions):
-            must.insert(0, argparse.Action([], "options", nargs="?", metavar="options"))
-        super().add_usage(usage, must, (), *more[1:], **named)
-
-    def _format_action(self, action: argparse.Action) -> str:
-        text = super()._format_action(action)
-        if isinstance(action, argparse._SubParsersAction):
-            return text.partition("\n")[2]  # without the line of its metavar
-        is_command = isinstance(action, argparse._SubParsersAction._ChoicesPseudoAction)
-        if is_command and action.dest == LAB[0]:
-            return f"\n{DESK}:\n{text}"
-        return text
+    """Wraps the lines of a help by themselves, so that it may have several."""
 
     def _split_lines(self, text: str, width: int) -> list[str]:
         split = super()._split_lines
@@ -189,15 +139,25 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises what is wrong with a command line, and names what may have been meant.
+    """Raises what is wrong with a command line, and names the option that may have been meant.
 
     Options are not abbreviated: ``--arm`` must be meant.
     """
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(**{"allow_abbrev": False, **options})
+        how = {"allow_abbrev": False, "add_help": False, "formatter_class": HelpFormatter}
+        super().__init__(**{**how, **options})
         # a value, not an option: -1.5, -2e-3, -90deg
         self._negative_number_matcher = re.compile(r"-(\d|\.\d)\S*$")
+        self.add_argument("-h", "--help", action="help", help=SUPPRESS)
+
+    def format_help(self) -> str:
+        """Name in the usage what must be given; the options stand below."""
+        if self.usage is None:
+            must = [a for a in self._actions if a.required or not a.option_strings]
+            told = (f"{(a.option_strings or [''])[0]} {_metavar(a)}".strip() for a in must)
+            self.usage = " ".join(("%(prog)s [options]", *told))
+        return super().format_help()
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
@@ -215,17 +175,11 @@ class Parser(argparse.ArgumentParser):
             self.error(f"unrecognized arguments: {' '.join(rest)}{hint}")
         return known, rest
 
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.choices is None or value in action.choices:
-            return
-        names = [str(choice) for choice in action.choices]
-        hint = did_you_mean(str(value), names) or f"; choose from {', '.join(names)}"
-        if isinstance(action, argparse._SubParsersAction):
-            if action.metavar == "command" and not action.choices.keys() & LAB:
-                of_lab = did_you_mean(str(value), LAB)
-                hint = f"{of_lab} It comes with kmpc-lab: {LAB_LINE}" if of_lab else hint
-            self.error(f"no {action.metavar} named {str(value)!r}{hint}")
-        raise argparse.ArgumentError(action, f"invalid choice: {value!r}{hint}")
+
+def _metavar(action: argparse.Action) -> str:
+    name = action.metavar or action.dest.upper()
+    text = name if isinstance(name, str) else " ".join(name)
+    return {"?": f"[{text}]", "*": f"[{text} ...]", "+": f"{text} ..."}.get(str(action.nargs), text)
 
 
 def known_commands() -> dict[str, str]:
@@ -247,83 +201,87 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
     """Build the parser of `kmpc`.
 
     `commands`: as `known_commands` gives them. `words`: command line that is going to be parsed:
-    only the command it names is imported. All of them are where it names none, or if no command
-    line is given.
+    only the command it names is imported; all of them if it names none. Raises UsageError for a
+    command that nobody knows, MissingExtra for one that comes with kmpc-lab.
     """
-    start = "demo" if "demo" in commands else "inspect"
-    parser = Parser(
-        prog=PROGRAM,
-        description="Learn a robot from its log and drive it past obstacles to a pose.",
-        epilog="Every command takes --help, which has examples, and --json, which prints one JSON\n"
-        f"object, errors too. Start with `kmpc {start}`.",
-        formatter_class=HelpFormatter,
-    )
-    parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
     typed = list(words or ())
     named = next((word for word in typed if not word.startswith("-")), "")
     if named in LAB and named not in commands:
         raise MissingExtra(f"kmpc {named} comes with kmpc-lab: {LAB_LINE}")
-    if named in commands:
-        chosen = [named]
-    else:
-        chosen = [] if typed[:1] == ["--version"] else list(commands)
-    _add_commands(parser, {name: load(commands[name]) for name in chosen})
+    if named and named not in commands:
+        of_lab = "" if commands.keys() & set(LAB) else did_you_mean(named, LAB)
+        hint = f"{of_lab} It comes with kmpc-lab: {LAB_LINE}" if of_lab else ""
+        hint = hint or did_you_mean(named, commands) or f"; choose from {', '.join(commands)}"
+        raise UsageError(PROGRAM, f"no command named {named!r}{hint} (see kmpc --help)")
+    chosen = [named] if named else [] if typed[:1] == ["--version"] else list(commands)
+    loaded = {name: load(commands[name]) for name in chosen}
+    start = "demo" if "demo" in commands else "inspect"
+    parser = Parser(
+        prog=PROGRAM,
+        usage=f"{PROGRAM} [options] command ...",
+        description="Learn a robot from its log and drive it past obstacles to a pose."
+        + _listed("commands for a robot", {n: c for n, c in loaded.items() if n not in LAB})
+        + _listed("commands for a desk (kmpc-lab)", {n: c for n, c in loaded.items() if n in LAB}),
+        epilog="Every command takes --help, which has examples, and --json, which prints one JSON\n"
+        f"object, errors too. Start with `kmpc {start}`.",
+    )
+    parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
+    _add_commands(parser, loaded)
     return parser
+
+
+def _listed(title: str, commands: Mapping[str, Command]) -> str:
+    """Commands and what they do, below a title."""
+    wide = 4 + max(map(len, commands), default=0)
+    lines = [
+        fill(f"    {name:<{wide - 3}} {command.text}", 100, subsequent_indent=" " * (wide + 2))
+        for name, command in commands.items()
+    ]
+    return "\n".join(["\n", f"{title}:", *lines]) if lines else ""
 
 
 def _add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
     """Put commands under a parser, and theirs under them."""
     what = "command" if parser.prog == PROGRAM else parser.prog.split()[-1]
     below = parser.add_subparsers(
-        title={"command": ON_THE_ROBOT, "study": "studies"}.get(what, "commands"),
-        required=True,
-        metavar=what,
-        parser_class=Parser,
+        required=True, prog=parser.prog, metavar=what, help=SUPPRESS, parser_class=Parser
     )
     for name, command in commands.items():
         sub = below.add_parser(
             name,
-            help=command.text,
-            description=command.text,
+            usage=f"{parser.prog} {name} {name} ..." if command.commands else None,
+            description=command.text + _listed("studies", command.commands),
             epilog="example:\n" + "\n".join(f"  {line}" for line in command.examples),
-            formatter_class=HelpFormatter,
         )
         if command.commands:
             _add_commands(sub, command.commands)
             continue
         sub.set_defaults(run=command.run, errors=command.errors)
-        sub.add_argument("--json", action="store_true", help="print one JSON object, errors too")
+        sub.add_argument("--json", action="store_true", help=SUPPRESS)
         command.add_options(sub)
+
+
+def _read(kind: Callable[[str], float], text: str, least: float, expected: str) -> float:
+    """Read a number from a least to below the largest one."""
+    try:
+        value = kind(text)
+    except ValueError:
+        value = LARGEST
+    if not least <= value < LARGEST:
+        raise ArgumentTypeError(f"expected {expected}, got {text}")
+    return value
 
 
 def positive(text: str) -> float:
     """Read a number > 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < LARGEST:
-        raise ArgumentTypeError(f"expected a number > 0, got {text}")
-    return value
+    return _read(float, text, 1e-300, "a number > 0")
 
 
 def number(text: str) -> float:
     """Read a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = LARGEST
-    if not -LARGEST < value < LARGEST:
-        raise ArgumentTypeError(f"expected a number, got {text}")
-    return value
+    return _read(float, text, -LARGEST, "a number")
 
 
 def count(text: str) -> int:
     """Read a whole number >= 1."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if not 1 <= value < LARGEST:
-        raise ArgumentTypeError(f"expected a whole number >= 1, got {text}")
-    return value
+    return int(_read(int, text, 1, "a whole number >= 1"))

@@ -155,7 +155,7 @@ def test_an_extra_exists_only_where_code_uses_it(
         ("simulat", "no command named 'simulat'; did you mean 'simulate'?"),
         ("xyz", "choose from inspect, fit, init"),
         ("study maps --familis open", "--familis open; did you mean '--families'?"),
-        ("run --driver mavlik", "did you mean 'mavlink'?"),
+        ("run --driver mavlik", "invalid choice: 'mavlik' (choose from 'mavlink'"),
     ],
 )
 def test_a_near_miss_is_suggested(line: str, words: str, capsys: pytest.CaptureFixture[str]):
