@@ -1,10 +1,9 @@
-"""What the site prints from the code: help of commands, boards and examples.
+"""What the site prints from the code: help of commands, and examples.
 
 mkdocs calls `on_page_markdown` for every page. A page asks with a comment of its own line:
-``<!-- help: kmpc -->``, ``<!-- example: gallery/car -->`` or
-``<!-- boards: results/boards -->``. Mermaid blocks become SVG, so that the site needs no network;
-GitHub draws them by itself. Sections between ``<!-- tabs -->`` and ``<!-- /tabs -->`` become tabs;
-GitHub shows them one below the other.
+``<!-- help: kmpc -->`` or ``<!-- example: gallery/car -->``. Mermaid blocks become SVG, so that the
+site needs no network; GitHub draws them by itself. Sections between ``<!-- tabs -->`` and
+``<!-- /tabs -->`` become tabs; GitHub shows them one below the other.
 """
 
 from __future__ import annotations
@@ -23,12 +22,11 @@ from state_diagram import draw
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {"kmpc": "kmpc_lite.cli.main"}
-MARK = re.compile(r"^<!-- (help|example|boards): ([\w/-]+) -->$", re.MULTILINE)
+MARK = re.compile(r"^<!-- (help|example): ([\w/-]+) -->$", re.MULTILINE)
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TABS = re.compile(r"^<!-- tabs -->$(.*?)^<!-- /tabs -->$", re.MULTILINE | re.DOTALL)
 SECTION = re.compile(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 OPTIONS = re.compile(r"[^\n]+:\n  -")
-NO_BOARD = "**No board has been measured yet.**"
 log = logging.getLogger("mkdocs.hooks.site")
 
 
@@ -36,7 +34,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace the marks and diagrams of a page."""
     markdown = MERMAID.sub(lambda block: draw(block[1]), markdown)
     markdown = TABS.sub(lambda tabs: SECTION.sub(r"/// tab | \1\n\2///\n\n", tabs[1]), markdown)
-    shown = {"help": help_texts, "example": program, "boards": boards}
+    shown = {"help": help_texts, "example": program}
     return MARK.sub(lambda mark: shown[mark[1]](mark[2]), markdown)
 
 
@@ -95,11 +93,3 @@ def program(name: str) -> str:
     """Give an example's program, folded."""
     code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
     return f"/// details | examples/{name}.py\n\n```python\n{code}```\n\n///\n"
-
-
-def boards(folder: str) -> str:
-    """Give a table of the boards of which a folder holds what `kmpc bench --json` wrote."""
-    from kmpc_lab.bench.steps import format_boards, read_board
-
-    files = sorted((ROOT / "docs" / folder).glob("*.json"))
-    return format_boards([read_board(file) for file in files]) if files else NO_BOARD

@@ -1,34 +1,28 @@
 """Steps as a robot makes them: each contender steps once, after a sleep, then the next one does.
 
-What a contender had in the processor's caches is gone by its next step. What `kmpc bench --json`
-wrote on several boards is shown side by side.
+What a contender had in the processor's caches is gone by its next step.
 """
 
 from __future__ import annotations
 
 import gc
-import json
 import os
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from kmpc_lab.bench.drives import learned_model, make_controller, record, record_turn
 from kmpc_lab.peers.ipopt import papers_problem
-from kmpc_lab.report.style import LINES, legend_below, new_figure, render, style, write_picture
 from kmpc_lab.studies.contenders import COLD_CONTENDERS, FULL_STEP, Contender, solver_contenders
 from kmpc_lite import __version__
-from kmpc_lite.errors import DataError, ProblemError
-from kmpc_lite.reading import read_bytes
+from kmpc_lite.errors import ProblemError
 
 MODEL = Path("/proc/device-tree/model")
 """Where a board with a device tree, such as a Raspberry Pi, says what it is."""
-LARGEST = 2**20
-"""Of a file [bytes]."""
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}
 """By their names in tables and in JSON; beside them stands ``max``."""
 HEAD = "".join(f"{name:>9}" for name in (*QUANTILES, "max")) + " [ms]"
@@ -39,16 +33,6 @@ PAST_CIRCLES = "past four circles, on the states of full steps; peers solve the 
 BY_LIDAR = "full steps past circles and by lidar"
 BY_SOLVER = "the paper's problem past four circles, by QP solver"
 Progress = Callable[[int, int], None]
-
-
-class Board(NamedTuple):
-    """What was measured on one board."""
-
-    name: str
-    machine: str
-    """Architecture, cores, versions, in words."""
-    steps: dict[str, dict[str, float]]
-    """By contender: p50 and p99 of its steps [ms], and others."""
 
 
 def this_machine() -> dict[str, Any]:
@@ -70,43 +54,6 @@ def _name() -> str:
         if line.startswith("model name"):
             return line.partition(":")[2].strip()
     return platform.machine()
-
-
-def read_board(file: Path) -> Board:
-    """Read what `kmpc bench --json` wrote.
-
-    Raises DataError if that is something else.
-    """
-    try:
-        told = json.loads(read_bytes(file, LARGEST))
-        machine = told["machine"]
-        parts = (
-            f"{machine['architecture']}, {machine['cores']} cores",
-            f"Python {machine['python']}, kmpc_lite {machine['kmpc_lite']}",
-        )
-        rows = [row for table in told["tables"].values() for row in table]
-        steps = {str(row["name"]): {k: float(v) for k, v in row["ms"].items()} for row in rows}
-        return Board(str(machine["name"]), ", ".join(parts), steps)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise DataError(f"{file}: expected what kmpc bench --json writes ({error})") from error
-
-
-def format_boards(boards: Sequence[Board]) -> str:
-    """Put boards side by side, in a table of Markdown: median and 99 % quantile of a step [ms]."""
-    names = list(dict.fromkeys(name for board in boards for name in board.steps))
-    lines = [
-        "| step [ms], p50 / p99 | " + " | ".join(board.name for board in boards) + " |",
-        "|---" * (len(boards) + 1) + "|",
-        "| | " + " | ".join(board.machine for board in boards) + " |",
-    ]
-    for name in names:
-        cells = [_cell(board.steps.get(name)) for board in boards]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def _cell(ms: dict[str, float] | None) -> str:
-    return "-" if ms is None else f"{ms['p50']:.3g} / {ms['p99']:.3g}"
 
 
 def format_times(ms: Mapping[str, float]) -> str:
@@ -227,28 +174,3 @@ def format_tables(told: Mapping[str, Any]) -> str:
         lines.append("")
     lines += [f"left out: {name}: {reason}" for name, reason in told["left_out"].items()]
     return "\n".join(lines)
-
-
-def write_bench_picture(path: Path, results: Sequence[Stepped]) -> None:
-    """Draw the tails of the distributions into a PNG: it is the tail that misses deadlines.
-
-    Both axes are logarithmic.
-    """
-    with style():
-        figure = new_figure(3.6)
-        axes = figure.add_subplot()
-        handles = []
-        for result, (colour, line, marker) in zip(results, LINES, strict=False):
-            times = 1e3 * np.sort(result.times)
-            share = 1.0 - np.arange(len(times)) / len(times)
-            look = {"color": colour, "linestyle": line, "marker": marker, "markersize": 4}
-            every = max(1, len(times) // 8)
-            name = result.name
-            handles += axes.step(times, share, where="post", markevery=every, label=name, **look)
-        axes.set(xscale="log", yscale="log", xlabel="time of a step [ms]")
-        axes.set_ylabel("share of steps that took longer")
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter("{x:g}")
-        axes.set_title(f"{len(results[0].times)} steps each, the same states, in turns")
-        legend_below(figure, handles)
-        write_picture(path, render(figure, "png"))

@@ -6,17 +6,16 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from kmpc_lite.cli.command import Command, count, need, positive, refuse_unread
+from kmpc_lite.cli.command import Command, count, positive, refuse_unread
 from kmpc_lite.cli.output import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0
 """Recorded drives, and how long the loop runs [s], if nothing else is asked for."""
 QUALITY_STEPS = 50
 """States of a recorded drive that IPOPT solves until it converges."""
-SHARED = ("--drives", "--tuning", "--only", "--picture", "--seconds", "--no-load", "--budget")
+SHARED = ("--drives", "--tuning", "--only", "--seconds", "--no-load", "--budget")
 """Options that not every job reads."""
 RECORDED = ("--drives", "--tuning")
 """What a job reads that records drives."""
@@ -39,10 +38,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench import steps
 
     bars = [ProgressBar(name, quiet=options.json) for name in ("bench", "bench, lidar")]
-    tables, left_out = steps.compare(_drives(options), _seed(options), options.only, *bars)
-    if options.picture:
-        steps.write_bench_picture(options.picture, tables[steps.PAST_CIRCLES])
-    told = steps.as_dict(tables, left_out)
+    told = steps.as_dict(*steps.compare(_drives(options), _seed(options), options.only, *bars))
     return told, steps.format_tables(told)
 
 
@@ -54,31 +50,16 @@ def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
     return told, steps.format_tables(told)
 
 
-def _beside(options: argparse.Namespace) -> tuple[Any, str]:
-    """Boards side by side, from files."""
-    from kmpc_lab.bench.steps import format_boards, read_board
-
-    boards = [read_board(file) for file in options.beside]
-    return [board._asdict() for board in boards], format_boards(boards)
-
-
 def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lab.bench.drives import learned_model, record
     from kmpc_lab.bench.quality import as_dicts, compare, format_comparison
     from kmpc_lab.peers.ipopt import papers_problem
 
     model, problem = learned_model(), papers_problem()
-    bar = ProgressBar("quality", quiet=options.json)
     drives = record(model, problem, _drives(options), _seed(options), QUALITY_STEPS)
+    bar = ProgressBar("quality", quiet=options.json)
     compared = compare(model, problem, drives, progress=bar)
     return as_dicts(compared), format_comparison(compared)
-
-
-def _fit(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lab.bench.fitting import fit_costs, format_fit_costs
-
-    costs = fit_costs(progress=ProgressBar("fit", quiet=options.json))
-    return [cost.as_dict() for cost in costs], format_fit_costs(costs)
 
 
 def _loop(options: argparse.Namespace) -> tuple[Any, str]:
@@ -108,11 +89,10 @@ def _seed(options: argparse.Namespace) -> int:
 
 
 def _drives(options: argparse.Namespace) -> int:
-    """How many drives are recorded."""
     return DRIVES if options.drives is None else int(options.drives)
 
 
-COMPARISON = Job(_compare, (*RECORDED, "--only", "--picture"))
+COMPARISON = Job(_compare, (*RECORDED, "--only"))
 """What is done if no job is named."""
 JOBS = {
     "--solvers": Job(
@@ -125,9 +105,6 @@ JOBS = {
         RECORDED,
         f"compare what the passes converge to with IPOPT, on {QUALITY_STEPS} states of each drive",
     ),
-    "--fit": Job(
-        _fit, (), "measure time and memory of fitting 1,000,000 samples, and of a bare Gram product"
-    ),
     "--install-acados": Job(
         _install_acados, (), "fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop"
     ),
@@ -137,7 +114,6 @@ LOOP = Job(
     ("--tuning", "--seconds", "--no-load", "--budget"),
     "run the control loop at this rate with the other cores busy",
 )
-BESIDE = Job(_beside, (), "show boards side by side: files that kmpc bench --json wrote on each")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -147,11 +123,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
     text = "time only contenders whose names contain one of these words"
     add("--only", nargs="+", metavar="WORD", help=text)
-    add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
     what = parser.add_mutually_exclusive_group()
     for option, job in JOBS.items():
         what.add_argument(option, dest="job", action="store_const", const=option, help=job.text)
-    what.add_argument("--beside", nargs="+", type=Path, metavar="FILE", help=BESIDE.text)
     what.add_argument("--loop", type=positive, metavar="HZ", help=LOOP.text)
     text = f"with --loop: for how long [s] (default: {SECONDS:g})"
     add("--seconds", type=positive, metavar="S", help=text)
@@ -165,12 +139,8 @@ def run(options: argparse.Namespace) -> int:
     name, job = options.job, JOBS.get(options.job, COMPARISON)
     if options.loop:
         name, job = "--loop", LOOP
-    elif options.beside:
-        name, job = "--beside", BESIDE
     who = " ".join(filter(None, ("kmpc bench", name)))
     refuse_unread("kmpc bench", who, options, SHARED, job.reads)
-    if options.picture:
-        need("--picture", "matplotlib")
     told, text = job.measure(options)
     print(json.dumps(told) if options.json else text)
     return 0
@@ -181,13 +151,9 @@ COMMAND = Command(
     "in turns step by step with 10 ms of sleep before each, as a robot's caches find them.",
     examples=(
         "kmpc bench",
-        "kmpc bench --drives 40 --picture bench.png",
         "kmpc bench --solvers",
-        "kmpc bench --json > pi5.json           # on each board; then, anywhere:",
-        "kmpc bench --beside pi5.json pc.json",
         "kmpc bench --loop 100 --seconds 600",
         "kmpc bench --quality",
-        "kmpc bench --fit",
     ),
     add_options=add_options,
     run=run,

@@ -14,7 +14,6 @@ LINES = {
     "--drives": "--drives 3",
     "--tuning": "--tuning",
     "--only": "--only ours",
-    "--picture": "--picture bench.png",
     "--seconds": "--seconds 5",
     "--no-load": "--no-load",
     "--budget": "--budget 0.01",
