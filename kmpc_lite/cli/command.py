@@ -118,9 +118,8 @@ def refuse_unread(
 ) -> None:
     """Refuse options that were given, and that the job that was asked for does not read.
 
-    `prog`: whose help explains it: ``kmpc bench``. `job`: what was asked for: ``kmpc bench --loop``.
-    `shared`, `reads`: options that not every job reads, and those that this one does. Raises
-    UsageError: in one line.
+    `prog`: whose help explains it: ``kmpc bench``. `job`: what was asked for. `shared`, `reads`:
+    options that not every job reads, and those that this one does. Raises UsageError: in one line.
     """
     names = {option: option.removeprefix("--").replace("-", "_") for option in shared}
     given = [o for o, n in names.items() if getattr(options, n) not in (None, False)]
