@@ -195,8 +195,7 @@ STUDIES = {
         Study(
             "clutter",
             "Fields of cylinders in the manner of the BARN challenge, driven by a Jackal-like "
-            "robot by lidar alone, beside a dynamic window and pure pursuit: a kinematic replica, "
-            "no Gazebo score.",
+            "robot by lidar alone, beside a dynamic window: a kinematic replica, no Gazebo score.",
             "clutter:drive",
             {
                 "worlds": Axis(
@@ -213,7 +212,7 @@ STUDIES = {
                     "metre",
                     usual=("exact", "noisy"),
                 ),
-                "drivers": Axis(("ours", "dwa", "pursuit"), "who drives"),
+                "drivers": Axis(("ours", "dwa"), "who drives"),
             },
             50,
             (

@@ -28,7 +28,7 @@ from scipy import ndimage
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn
 from kmpc_lab.studies.drive import DriveResult, Task, closed_loop, commanded
 from kmpc_lab.studies.dwa import Dwa
-from kmpc_lab.studies.pursuit import Pursuit, cost_to_go
+from kmpc_lab.studies.pursuit import cost_to_go
 from kmpc_lab.studies.table import DRIVES, FEASIBLE, JERK, LOST, SECONDS, Column, mean_of
 from kmpc_lite.control import Controller, ControllerOptions, Footprint, LaserScan
 from kmpc_lite.control.options import SightOptions
@@ -82,8 +82,6 @@ BEAMS, VIEW, REACH, MOUNT = 720, 1.5 * math.pi, 10.0, 0.055
 """Of its lidar: beams, field of view [rad], reach, and how far ahead it sits [m]."""
 FREE = 3.0
 """How far around it there is nothing where it begins [radii]: a metre."""
-PURSUES = 1.0
-"""Speed of pure pursuit [m/s]: it knows of no braking."""
 STARTS, ARRIVES, LONGEST = 0.1, 1.0, 100.0
 """Time runs from when it has moved this far [m], until it is this near its goal [m], or for so
 long [s]."""
@@ -325,20 +323,12 @@ class Ours:
 
 
 class Theirs:
-    """Pure pursuit, or the dynamic window, of the points that beams hit."""
+    """The dynamic window, of the points that beams hit."""
 
-    def __init__(self, name: str, world: Cylinders) -> None:
-        x1, y1, x2, y2 = world.bounds
+    def __init__(self, world: Cylinders) -> None:
         fastest = (JACKAL.speed, JACKAL.turn_rate)
-        self.middle, self.goal = np.zeros(3), world.goal
-        if name == "dwa":
-            ramps = (fastest[0] / JACKAL.ramps[0], fastest[1] / JACKAL.ramps[0])
-            self.drives = Dwa(world.bounds, SIZE, fastest, ramps, JACKAL.dt).command
-        else:
-            # its area is a square about the origin; its circle turns within the outline's
-            self.middle = np.array([0.5 * (x1 + x2), 0.5 * (y1 + y2), 0.0])
-            pursuit = Pursuit(0.29, PURSUES, 2.0, max(x2 - x1, y2 - y1))
-            self.drives = lambda pose, goal, ends: pursuit.command(pose, goal, ends, 0.1)
+        ramps = (fastest[0] / JACKAL.ramps[0], fastest[1] / JACKAL.ramps[0])
+        self.goal, self.drives = world.goal, Dwa(world.bounds, SIZE, fastest, ramps, JACKAL.dt)
 
     def plan(self, pose: Array, ranges: Array) -> Plan:
         """Decide."""
@@ -346,8 +336,7 @@ class Theirs:
         along = pose[2] + np.linspace(-0.5, 0.5, BEAMS)[hit] * VIEW
         origin = pose[:2] + MOUNT * np.array([math.cos(pose[2]), math.sin(pose[2])])
         ends = origin + ranges[hit, None] * np.stack([np.cos(along), np.sin(along)], axis=1)
-        middle = self.middle
-        return commanded(self.drives(pose - middle, self.goal - middle, ends - middle[:2]))
+        return commanded(self.drives.command(pose, self.goal, ends))
 
 
 @cache
@@ -371,7 +360,7 @@ def drive(kind: str, condition: str, driver: str, seed: int) -> DriveResult:
 
 def judge(name: str, world: Cylinders, given: Condition, seed: int) -> DriveResult:
     """Drive a world, and judge as the challenge does."""
-    driver: Driver = Ours(world, given) if name == "ours" else Theirs(name, world)
+    driver: Driver = Ours(world, given) if name == "ours" else Theirs(world)
     eyes = _Eyes(driver, world, given, seed)
     goal, full = world.goal[:2], np.array((JACKAL.speed, JACKAL.turn_rate))
     ideal = world.length / SPEED
