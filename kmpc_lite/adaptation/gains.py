@@ -1,222 +1,45 @@
-"""Gains on a learned model: their estimate from steps, its certainty, and the noise that remains.
-
-A step's displacement is ``ahead`` times what the model drives ahead, ``aside`` times what it drives
-sideways, and ``left`` times both, turned by a quarter; its turn is ``turn`` times the model's and
-``pull`` times the way ahead. Both are weighed least squares, apart from each other, so that no
-straight drive upsets turns. Lags that the model has wrong are estimated beside the gains, and left
-out of them: what earlier commands explain is no gain.
-"""
+"""What gains make of a learned model and its noise, and which of them a floor can cause."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from math import hypot, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.adaptation.estimate import residuals
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import HEADING, LATE, MEASURED, SPEEDS, TELLS, WHITE, Gains
+from kmpc_lite.adaptation.state import Gains
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.symmetric import find_trigonometry
 from kmpc_lite.scale import UNIT_RADIUS, Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
-QUIETEST = 0.4
-"""Least variance of the residuals that a test assumes, as a share of the expected one: a few steps
-may be quiet by chance."""
-FEWEST = 6
-"""Least number of steps with a weight that gains are estimated from: a robot that turns on the spot
-leaves fewer, and from those any gain may come out by chance."""
-PRIOR, PULL_PRIOR = 0.3, 0.1
-"""Prior standard deviations of gains, and of the pull [rad per unit of length]: a gain that a drive
-does not show stays as it was."""
-EVEN_NOISE = 0.3
-"""Share of the usual noise that is added to every step's own: without it, the few slowest steps
-would outweigh all others where poses are noisy."""
-NOISE_FLOOR, TURN_NOISE_FLOOR = 1 / 300, 5e-4
-"""Smallest noise that a step [radii] and its turn [rad] have: what poses are measured to."""
-ROWS = np.array([[2.0], [1.0]])
-"""Numbers that a step tells of its displacement, and of its turn."""
 LARGEST_DRIFT = 0.6
 """Sideways drift as a share of the speed, a crab angle of 31 degrees: a floor that slopes or slips
 more makes the robot undrivable."""
-STEERED_GAINS = (0.8, 1.25)
-"""Gains of steered wheels beyond which a lag is taken for a gain."""
 LARGEST_PULL = 0.3
 """Turn to one side per radius driven [rad]: a flat tyre gives a tenth."""
-
-
-class Evidence(NamedTuple):
-    """Weighed steps, the newest first."""
-
-    columns: Array
-    """(2, 4 + LATE, 2, n) displacements and turns by three gains each, as measured, and by lags; 0
-    where there is none: a turn is one number, by two gains."""
-    tells: Array
-    """(2, n) 1 where a step tells of moving, and of turning."""
-
-    def sums(self, weights: Array) -> tuple[Array, Array]:
-        """Normal equations (2, 7, 7), and how many steps tell (2,), by weights of steps (n,)."""
-        columns = self.columns.reshape(2, 4 + LATE, -1)
-        weighed = (self.columns * weights).reshape(2, 4 + LATE, -1)
-        return weighed @ columns.transpose(0, 2, 1), self.tells @ weights
-
-    def running_sums(self) -> tuple[Array, Array]:
-        """Return (n, ...) the same of the newest step, the newest two, and so on; but for lags."""
-        columns = self.columns[:, :4]
-        squares = np.einsum("bikn,bjkn->nbij", columns, columns)
-        return np.cumsum(squares, axis=0), np.cumsum(self.tells, axis=1).T
-
-    def residuals(self, gains: Gains) -> Array:
-        """Weighed residuals (2, 2, n)."""
-        columns, used = self.columns, _by_block(gains)[..., None, None]
-        left: Array = columns[:, 3] - (used * columns[:, :3]).sum(axis=1)
-        return left
-
-    def error(self, gains: Gains, weights: Array) -> float:
-        """Sum of squared residuals of steps that count by weights (n,)."""
-        left = self.residuals(gains)
-        return float(((left * left) @ weights).sum())
-
-
-def _by_block(gains: Gains) -> Array:
-    """Gains (2, 3) of displacements and turns."""
-    return np.array(((gains.ahead, gains.left, gains.aside), (gains.turn, gains.pull, 0.0)))
-
-
-def evidence(steps: Array, noise: Array, white: Array, length: float) -> Evidence:
-    """Weigh steps (n, STEP_SIZE) by their noise.
-
-    `steps`: the newest first. `noise`: (3, 3, 3) covariance of residuals by 1, v^2, omega^2.
-    `white`: (2,) what whitening leaves of position and heading. `length`: the robot's unit of
-    length [m].
-    """
-    columns = steps.T
-    px, py, dx, dy, h, g, turned, sx, sy, *late = columns[WHITE]
-    floors = np.array(((NOISE_FLOOR * UNIT_RADIUS * length) ** 2, TURN_NOISE_FLOOR**2))
-    by_command = np.array((0.5 * (noise[:, 0, 0] + noise[:, 1, 1]), noise[:, 2, 2]))
-    own = (by_command[:, 0] + floors)[:, None] + by_command[:, 1:] @ columns[SPEEDS]
-    usual = np.add.reduce(own, axis=1, keepdims=True) / len(steps)
-    weights = np.sqrt(columns[TELLS] / ((own + EVEN_NOISE * usual) * white[:, None]))
-    out = np.zeros((2, 4 + LATE, 2, len(steps)))
-    out[0, :4] = (px - sx, py - sy), (-py, px), (sx, sy), (dx, dy)
-    out[1, [0, 1, 3], 0] = h, g, turned
-    for k in range(LATE):
-        out[0, 4 + k], out[1, 4 + k, 0] = late[3 * k : 3 * k + 2], late[3 * k + 2]
-    out *= weights[:, None, None]
-    return Evidence(out, columns[TELLS])
-
-
-def estimate(
-    sums: tuple[Array, Array], now: Gains, length: float, scaled: bool = True
-) -> tuple[Array, Array]:
-    """Estimate gains (..., 5), and their squared distance (...) to those in use in standard errors.
-
-    `sums`: normal equations (..., 2, 4 + J, 4 + J), J of lags; how many steps tell of moving, and
-    of turning (..., 2). `now`: those in use, which a prior keeps where a drive does not show them.
-    `length`: the robot's unit of length [m]. `scaled`: whether the variance of the residuals is
-    measured; else it is the noise model's, so that sets of steps compare.
-    """
-    equations, counts = sums[0], sums[1][..., None]
-    size = equations.shape[-1]
-    prior = np.full((2, size), PRIOR)
-    prior[1, 1], prior[:, 3] = PULL_PRIOR / length, 1.0
-    used = _by_block(now) / prior[:, :3]
-    # in units of the prior
-    equations = equations * (prior[:, None] * prior[..., None])
-    scale: Array | float = np.ones((*counts.shape, 1))
-    if scaled:
-        others = [k for k in range(size) if k != 3]
-        tell, told = equations[..., others, :][..., others], equations[..., others, 3:4]
-        # what rounding leaves of a direction that nothing tells explains nothing
-        least = np.finfo(float).eps * np.maximum(np.trace(tell, axis1=-2, axis2=-1), 1.0)
-        free = np.linalg.solve(tell + least[..., None, None] * np.eye(len(others)), told)
-        left = equations[..., 3:4, 3:4] - told.swapaxes(-2, -1) @ free
-        scale = np.maximum(left / np.maximum(ROWS * counts - 2.0, 1.0)[..., None], QUIETEST)
-    # what lags explain, no gain needs to
-    shared = equations[..., 4:, :4]
-    known = np.linalg.solve(equations[..., 4:, 4:] + scale * np.eye(size - 4), shared)
-    reduced = equations[..., :3, :4] - shared[..., :3].swapaxes(-2, -1) @ known
-    tell = reduced[..., :3]
-    excess = reduced[..., 3:] - tell @ used[..., None]
-    step = np.linalg.solve(tell + scale * np.eye(3), excess) * (counts >= FEWEST)[..., None]
-    distance = (step * excess / scale).sum(axis=(-3, -2, -1))
-    gains = (used + step[..., 0]) * prior[:, :3]
-    return gains.reshape(*distance.shape, -1)[..., [0, 1, 3, 4, 2]], distance
-
-
-def contradiction(steps: Evidence, now: Gains, new: Gains) -> float:
-    """Squared distance of the gains in use from new ones, by the steps' own scatter around these.
-
-    It is in standard errors, over the gains that enough of the steps depend on.
-    """
-    # by how much each step asks for a larger value of each gain
-    pulls, scores = (
-        (steps.columns[:, :3] * steps.residuals(gains)[:, None]).sum(axis=2) for gains in (now, new)
-    )
-    scatter = np.maximum((scores**2).sum(axis=-1), 1e-12)
-    enough = np.count_nonzero(scores, axis=-1) >= FEWEST
-    return float((pulls.sum(axis=-1) ** 2 / scatter)[enough].sum())
-
-
-def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale) -> Array:
-    """Covariance of the residuals of steps (n, STEP_SIZE) under gains, (3, 3, 3) by the command.
-
-    With few steps it stays near the learned one.
-    """
-    px, py, dx, dy, h, g, turned, sx, sy = steps[:, MEASURED].T
-    more = gains.aside - gains.ahead
-    ex = dx - gains.ahead * px + gains.left * py - more * sx
-    ey = dy - gains.ahead * py - gains.left * px - more * sy
-    left = turned - gains.turn * h - gains.pull * g
-    cosine, sine = steps[:, HEADING].T
-    errors = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, left], axis=1)
-    terms = steps[:, SPEEDS]
-    expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
-    surplus = (errors[:, :, None] * errors[:, None, :] - expected).reshape(len(steps), -1)
-    powers = scale.command[[0, -1]] ** 2
-    terms = terms / powers
-    gram = terms.T @ terms
-    gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(len(steps)), 1.0) + 1e-12)
-    change = np.linalg.solve(gram, terms.T @ surplus).reshape(2, STATES, STATES)
-    coefficients = np.concatenate([learned[:1], learned[1:] + change / powers[:, None, None]])
-    # in the robot's units, for metres and radians have no common measure
-    between = scale.state * scale.state[:, None]
-    values, vectors = np.linalg.eigh(coefficients / between)
-    projected = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
-    out: Array = projected * between
-    return out
+STEERED_GAINS = (0.8, 1.25)
+"""Gains of steered wheels beyond which a lag is taken for a gain."""
 
 
 def adapted_model(
     base: KoopmanModel, gains: Gains, noise: NoiseModel, told: dict[str, int]
 ) -> KoopmanModel:
-    """Apply gains to a learned model.
-
-    `base`: the learned one. `gains`: of the velocity ahead and to the left, of the turn rate, the
-    pull, and of speeds sideways. `noise`: of the residuals that the gains leave. `told`: what is
-    kept in the model's `info` beside the gains.
-    """
+    """Apply gains to a learned model; its `info` tells of them, and what else is `told`."""
     mix = np.array(
         [[gains.ahead, -gains.left, 0.0], [gains.left, gains.ahead, 0.0], [0.0, 0.0, gains.turn]]
     )
-    b = mix @ base.B
-    b[2] += gains.pull * _ahead(base)
-    h = mix @ base.H
+    h, b = mix @ base.H, mix @ base.B
+    # how much each bilinear input drives the robot ahead
+    lifted = base.dictionary.lift(np.zeros(STATES))
+    b[2] += gains.pull * (base.H.reshape(STATES, -1, len(lifted))[0] @ lifted + base.B[0])
     if drives_sideways(base):
         h += (gains.aside - gains.ahead) * _driven_sideways(base)
     info = {**base.info, "adaptation": {**gains._asdict(), **told}}
     return replace(base, A=mix @ base.A, H=h, B=b, noise_model=noise, info=info)
-
-
-def _ahead(model: KoopmanModel) -> Array:
-    """How much each bilinear input (nw,) drives the robot ahead."""
-    lifted = model.dictionary.lift(np.zeros(STATES))
-    terms = model.H.reshape(STATES, -1, len(lifted))[0] @ lifted
-    out: Array = terms + model.B[0]
-    return out
 
 
 def drives_sideways(model: KoopmanModel) -> bool:
@@ -232,6 +55,31 @@ def _driven_sideways(model: KoopmanModel) -> Array:
     left = model.closed_form.motion[:, 1] / model.dt
     out[0, :, place.sin], out[1, :, place.cos] = -left, left
     return out.reshape(STATES, -1)
+
+
+def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale) -> Array:
+    """Covariance (3, 3, 3), by the command, of what gains leave of steps (n,) of `STEP`.
+
+    With few steps it stays near the learned one.
+    """
+    (ex, ey), (turned, _) = residuals(np.moveaxis(steps["measured"], 0, -1), gains)
+    cosine, sine = steps["heading"].T
+    errors = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, turned], axis=1)
+    terms = steps["speeds"]
+    expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
+    surplus = (errors[:, :, None] * errors[:, None, :] - expected).reshape(len(steps), -1)
+    powers = scale.command[[0, -1]] ** 2
+    terms = terms / powers
+    gram = terms.T @ terms
+    gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(len(steps)), 1.0) + 1e-12)
+    change = np.linalg.solve(gram, terms.T @ surplus).reshape(2, STATES, STATES)
+    coefficients = np.concatenate([learned[:1], learned[1:] + change / powers[:, None, None]])
+    # in the robot's units, for metres and radians have no common measure
+    between = scale.state * scale.state[:, None]
+    values, vectors = np.linalg.eigh(coefficients / between)
+    projected = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    out: Array = projected * between
+    return out
 
 
 def refuse(gains: Gains, options: AdaptationOptions, length: float) -> str:

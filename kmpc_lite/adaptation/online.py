@@ -18,20 +18,17 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.adaptation.estimate import Evidence, estimate
 from kmpc_lite.adaptation.gains import (
-    Evidence,
     adapted_model,
-    contradiction,
     drives_sideways,
-    estimate,
-    evidence,
     lag_taken_for_gain,
     refuse,
     residual_covariance,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import STEP_SIZE, AdaptationCounts, AdaptationState, Gains
-from kmpc_lite.adaptation.steps import Steps, one_period
+from kmpc_lite.adaptation.state import STEP, AdaptationCounts, AdaptationState, Gains
+from kmpc_lite.adaptation.steps import Steps
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel
@@ -57,26 +54,22 @@ REFUSALS = 2
 class OnlineAdaptation:
     """Least squares over the newest steps, with guards.
 
-    Every step tells the measured displacement beside the one that the learned model gives. A model
-    is given only where those of a window, or all that are remembered, with exponential forgetting,
-    contradict the gains in use significantly: what was before the likeliest change is left, and the
-    model is given again each time that the number of steps since has doubled, until the memory is
-    full.
-    Standing still, steps within the noise, and broken measurements change nothing, however long
-    they last.
+    A model is given only where the steps of a window, or all that are remembered, with exponential
+    forgetting, contradict the gains in use significantly: what was before the likeliest change is
+    left, and the model is given again each time that the number of steps since has doubled, until
+    the memory is full. Standing still, steps within the noise, and broken measurements change
+    nothing, however long they last.
 
-    The adapted model is compared with the learned one on the newest drive: where it predicts worse,
-    the learned one returns. Gains that no floor can cause are refused; if they are found again from
-    fresh steps, the model must be another robot's, and `wrong_model` says why.
+    Where the adapted model predicts the newest drive worse than the learned one, that returns.
+    Gains that no floor can cause are refused; if fresh steps lead to them again, the model must be
+    another robot's, and `wrong_model` says why. The covariance of the residuals is measured anew
+    with every model given, so that margins grow on a floor that slips more.
 
-    The covariance of the residuals is measured anew with every model given, so that margins grow on
-    a floor that slips more.
-
-    `model`: learned with ``method="integral"``. Its noise model, if any, weighs the steps.
+    `model`: learned with ``method="integral"``; its noise model, if any, weighs the steps.
     `options`: what can be tuned. `scale`: the robot's units; those of a robot of 0.15 m and 0.6 m/s
     if not given. `steered`: whether wheels are steered: gains beyond 0.8 to 1.25 then end the
     adaptation, the learned model returns, and `ended` says why. `predictor`: predicts as the model
-    does, in less time. Raises ModelError for a discrete model, or a memory shorter than the window.
+    does, in less time. Raises ModelError for a discrete model.
 
     Examples
     --------
@@ -115,12 +108,13 @@ class OnlineAdaptation:
         noise = model.noise_model
         self._noise = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
         sideways, predicts = drives_sideways(model), model if predictor is None else predictor
+        self._no_history = np.zeros((model.history, model.inputs))
         self._steps = Steps(predicts, self._noise, self.scale, sideways)
         self.reset()
 
     def reset(self) -> None:
         """Forget all steps and go back to the learned model."""
-        steps = np.zeros((self._memory, STEP_SIZE))
+        steps = np.zeros(self._memory, STEP)
         self.model, self.state = self.base, AdaptationState(steps, self._noise)
 
     def restore(self, state: AdaptationState, model: KoopmanModel) -> None:
@@ -152,20 +146,20 @@ class OnlineAdaptation:
     ) -> KoopmanModel | None:
         """Take in one period.
 
-        `x`, `u`, `x_next`: pose before (3,) [m, m, rad], command held (2,) [m/s, rad/s], pose after
-        (3,); any multiple of 2 pi in the headings. `history`: the L commands before `u`, oldest
-        first, (L, 2), for a model with input history; zeros if not given. Returns a better model
-        than the one in use, to be used from now on; None as long as there is none. Raises
+        `x`, `u`, `x_next`: pose before (3,) [m, m, rad], command held (m,) [m/s, ..., rad/s], pose
+        after (3,); any multiple of 2 pi in the headings. `history`: the L commands before `u`,
+        oldest first, (L, m), for a model with input history; zeros if not given. Returns a better
+        model than the one in use, to be used from now on; None as long as there is none. Raises
         ValueError for wrong shapes, and for nothing else.
         """
-        before, command, after, past = one_period(x, u, x_next, history, self.base)
-        state = self.state
-        if state.ended:
+        wheels, state = self.base.inputs, self.state
+        past = history if self.base.history and history is not None else self._no_history
+        period = [np.asarray(value, dtype=float) for value in (x, u, x_next, past)]
+        expected = [(STATES,), (wheels,), (STATES,), (self.base.history, wheels)]
+        if (got := [value.shape for value in period]) != expected:
+            raise ValueError(f"expected x, u, x_next, history of shapes {expected}, got {got}")
+        if state.ended or not self._steps.take_in(state, *period):
             return None
-        step = self._steps.step(state, before, command, after, past)
-        if step is None:
-            return None
-        state.add(step)
         # some times a window is soon enough, and not both in one step
         every = max(1, self._window // LOOKS)
         if state.count % every == 0 and state.since >= self._window:
@@ -186,7 +180,7 @@ class OnlineAdaptation:
     def _evidence(self, most: int) -> Evidence:
         """Weighed steps since the change, at most so many."""
         state = self.state
-        return evidence(state.newest(most), state.noise, self._steps.white, self.scale.length)
+        return Evidence.of(state.newest(most), state.noise, self._steps.white, self.scale.length)
 
     def _estimate(self, steps: Evidence) -> tuple[Gains, float]:
         """Estimate gains from steps, older ones by a fading weight, and how far they are off."""
@@ -197,7 +191,7 @@ class OnlineAdaptation:
     def _contradicts(self, steps: Evidence, alarm: float) -> bool:
         """Whether steps contradict the gains in use significantly, by their own scatter, too."""
         gains, distance = self._estimate(steps)
-        return distance > alarm and contradiction(steps, self.state.gains, gains) > CONFIRMATION
+        return distance > alarm and steps.contradiction(self.gains, gains) > CONFIRMATION
 
     def _give_since_change(self) -> KoopmanModel | None:
         """Leave what was before a change, and give a model of what came after.
@@ -219,9 +213,9 @@ class OnlineAdaptation:
         state = self.state
         if state.gains == Gains() or state.judged < 2 * self._window:
             return False
-        judged = Evidence(*(part[..., : state.judged] for part in steps))
-        weights = self._weights[: judged.tells.shape[1]]
-        learned, adapted = (judged.error(g, weights) for g in (Gains(), state.gains))
+        weights = self._weights[: steps.tells.shape[1]].copy()
+        weights[state.judged :] = 0.0
+        learned, adapted = (steps.error(g, weights) for g in (Gains(), state.gains))
         return adapted > WORSE * learned
 
     def _return_to_base(self) -> KoopmanModel:

@@ -12,25 +12,22 @@ from kmpc_lite.types import Array
 LATER = 0.1, 0.2, 0.4
 """How much later than its model knows a robot may answer [s in its units]: what earlier commands
 explain is no gain."""
-LATE = len(LATER)
-WHITE = slice(0, 9 + 3 * LATE)
-"""The motion in the map's frame: the displacement (px, py) that the model gives [m] and the
-measured one (dx, dy), the turn h that the model gives [rad], the way ahead g [m], the measured
-turn, and the part (sx, sy) of (px, py) that an omni's wheels drive sideways, else 0. Then by how
-much more earlier commands would have driven it, x, y and turn of each. It is whitened: what the
-noise of a pose shares with the steps before is taken back."""
-MEASURED = slice(WHITE.stop, WHITE.stop + 9)
-"""The motion as it was measured."""
-NO_STEPS = (0.0,) * WHITE.stop
-"""Fading sum of no steps."""
-TELLS = slice(MEASURED.stop, MEASURED.stop + 2)
-"""1 where the step tells of moving, and of turning, else 0."""
-HEADING = slice(TELLS.stop, TELLS.stop + 2)
-"""cos and sin of the heading before the step."""
-SPEEDS = slice(HEADING.stop, HEADING.stop + 2)
-"""v^2 and omega^2 of the command."""
-STEP_SIZE = SPEEDS.stop
-"""Numbers that are kept of a step."""
+STEP = np.dtype(
+    [
+        ("terms", float, (2, 4 + len(LATER), 2)),
+        ("measured", float, (2, 4, 2)),
+        ("tells", float, 2),
+        ("heading", float, 2),
+        ("speeds", float, 2),
+    ]
+)
+"""What is kept of a step.
+
+`terms`: of the displacement in the map's frame [m, m], and of the turn [rad, 0]: its gains' terms
+(ahead, left, aside; turn, pull, none), what was measured, and by how much more the commands earlier
+by `LATER` would have driven; whitened: what the noise of a pose shares with the steps before is
+taken back. `measured`: the first four as they were. `tells`: 1 where it tells of moving, and of
+turning. `heading`: its cos and sin, before the step. `speeds`: v^2 and omega^2 of the command."""
 
 
 class Gains(NamedTuple):
@@ -50,16 +47,14 @@ class Gains(NamedTuple):
 
 @dataclass
 class AdaptationCounts:
-    """How many steps were used, left out and rejected."""
+    """Steps that gains are estimated from, and others; corrected models that were given."""
 
     used: int = 0
-    """Steps that gains are estimated from."""
     still: int = 0
-    """Steps left out since the robot hardly moved."""
+    """Left out since the robot hardly moved."""
     rejected: int = 0
-    """Steps left out as broken measurements."""
+    """Left out as broken measurements."""
     models: int = 0
-    """Corrected models given."""
 
 
 @dataclass
@@ -67,7 +62,7 @@ class AdaptationState:
     """The newest steps, and what has been made of them."""
 
     steps: Array
-    """(memory, STEP_SIZE) the newest steps, a ring."""
+    """(memory,) of `STEP`, a ring."""
     noise: Array
     """(3, 3, 3) covariance of a step's residuals by 1, v^2, omega^2, by which steps are weighed."""
     next_model: int = 0
@@ -78,8 +73,8 @@ class AdaptationState:
     """Steps since the change: gains are estimated from these."""
     judged: int = 0
     """Steps since gains were given."""
-    carried: Array | tuple[float, ...] = NO_STEPS
-    """Fading sum of the steps before, which whitens the next one."""
+    carried: Array | float = 0.0
+    """Fading sum of the terms before, which whitens the next ones."""
     given: list[tuple[float, float]] = field(default_factory=list)
     """Way ahead and turn that the model gave for the periods before, the newest first."""
     after: tuple[float, ...] = ()
@@ -98,16 +93,10 @@ class AdaptationState:
     def forget(self) -> None:
         """Forget the steps, not the gains."""
         self.next_model = self.count = self.since = self.judged = 0
-        self.carried, self.given = NO_STEPS, []
-
-    def add(self, step: Array) -> None:
-        """Keep a step."""
-        self.steps[self.count % len(self.steps)] = step
-        self.count, self.since, self.judged = self.count + 1, self.since + 1, self.judged + 1
-        self.counts.used += 1
+        self.carried, self.given = 0.0, []
 
     def newest(self, most: int) -> Array:
-        """Return the newest steps since the change, (n, STEP_SIZE), the newest first."""
+        """Return the newest steps since the change, the newest first."""
         memory = len(self.steps)
         kept = (self.count - 1 - np.arange(min(most, self.since, memory))) % memory
         out: Array = self.steps[kept]

@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.state import LATE, LATER, NO_STEPS, STEP_SIZE, AdaptationState
+from kmpc_lite.adaptation.state import LATER, AdaptationState
 from kmpc_lite.geometry import rotate
-from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.scale import UNIT_RADIUS, Scale
-from kmpc_lite.types import STATES, Array
+from kmpc_lite.types import Array
 
 LEAST_STEP, LEAST_TURN = 1 / 75, 2e-3
 """A step that should move the robot less [radii], or turn it less [rad], tells nothing of them."""
@@ -50,59 +48,61 @@ class Steps:
         radius = scale.length * UNIT_RADIUS
         self._least_step, self._jump, self._held = LEAST_STEP * radius, JUMP * radius, HELD * radius
         carried, self.white = whitening(noise, model.dt, scale)
-        self._carried = carried[[0, 0, 0, 0, 1, 1, 1, 0, 0] + [0, 0, 1] * LATE]
+        self._carried = carried[:, None, None]
         # 0, which explains nothing, where a period is more than twice as long
         self._late = [round(time * scale.time / model.dt) for time in LATER]
 
-    def step(
-        self,
-        state: AdaptationState,
-        before: Array,
-        command: Array,
-        after: Array,
-        past: Array | None,
-    ) -> Array | None:
-        """What a period tells, (STEP_SIZE,); None if nothing."""
-        was_after, state.after = state.after, tuple(after.tolist())
-        x, y, heading = before.tolist()
-        if (x, y, heading) != was_after:
-            state.carried, state.given = NO_STEPS, []
-        predicted, numbers = [math.nan], (x, y, heading, *state.after, *command.tolist())
-        if math.isfinite(sum(numbers)):
+    def take_in(
+        self, state: AdaptationState, x: Array, u: Array, x_next: Array, past: Array | None
+    ) -> bool:
+        """Keep what a period tells; whether it tells anything."""
+        was_after, state.after = state.after, tuple(x_next.tolist())
+        px, py, heading = before = tuple(x.tolist())
+        if before != was_after:
+            state.carried, state.given = 0.0, []
+        predicted = [math.nan]
+        if math.isfinite(sum((*before, *state.after, *u.tolist()))):
             # within one turn: a model may have learned something of the heading itself
             heading = math.remainder(heading, math.tau)
-            predicted = self._model.predict(np.array((x, y, heading)), command, past).tolist()
+            predicted = self._model.predict(np.array((px, py, heading)), u, past).tolist()
         if not math.isfinite(sum(predicted)):
-            _leave_out(state, rejected=True)
-            return None
+            return _leave_out(state, rejected=True)
         turned, h = math.remainder(state.after[2] - heading, math.tau), predicted[2] - heading
-        dx, dy = state.after[0] - x, state.after[1] - y
-        px, py = rotate(predicted[0] - x, predicted[1] - y, 0.5 * (turned - h))
+        dx, dy = state.after[0] - px, state.after[1] - py
+        px, py = rotate(predicted[0] - px, predicted[1] - py, 0.5 * (turned - h))
         moved, drove = math.hypot(px, py), math.hypot(dx, dy)
         if self._is_held(moved, h, drove, turned) or self._jumped(moved, h, drove, turned):
-            _leave_out(state, rejected=True)
-            return None
+            return _leave_out(state, rejected=True)
         middle = heading + 0.5 * turned
         ahead, left = rotate(px, py, -middle)
         state.given = [(ahead, h), *state.given[: max(self._late)]]
         moves, turns = moved >= self._least_step, abs(h) >= LEAST_TURN
         if not (moves or turns):
-            _leave_out(state, rejected=False)
-            return None
-        aside = rotate(0.0, left, middle) if self._drives_sideways else (0.0, 0.0)
-        own = [px, py, dx, dy, h, ahead, turned, *aside]
-        for periods in self._late:
-            was_ahead, was_turn = state.given[min(periods, len(state.given) - 1)]
-            own += [*rotate(was_ahead - ahead, 0.0, middle), was_turn - h]
+            return _leave_out(state, rejected=False)
+        sx, sy = rotate(0.0, left, middle) if self._drives_sideways else (0.0, 0.0)
+        earlier = [state.given[min(late, len(state.given) - 1)] for late in self._late]
+        moving = [rotate(was_ahead - ahead, 0.0, middle) for was_ahead, _ in earlier]
+        turning = [(was_turn - h, 0.0) for _, was_turn in earlier]
+        terms = np.array(
+            (
+                ((px - sx, py - sy), (-py, px), (sx, sy), (dx, dy), *moving),
+                ((h, 0.0), (ahead, 0.0), (0.0, 0.0), (turned, 0.0), *turning),
+            )
+        )
         # noise of a pose makes one step longer and the next one shorter: the fading sums take that
         # back
-        state.carried = white = own + self._carried * state.carried
-        tells = moves, turns or abs(ahead) >= self._least_step
-        *moving, turning = command.tolist()
-        speeds = sum(v * v for v in moving), turning * turning
-        out = np.empty(STEP_SIZE)
-        out[:] = *white, *own[:9], *tells, math.cos(heading), math.sin(heading), *speeds
-        return out
+        state.carried = terms + self._carried * state.carried
+        *speeds, turn_rate = u.tolist()
+        state.steps[state.count % len(state.steps)] = (
+            state.carried,
+            terms[:, :4],
+            (moves, turns or abs(ahead) >= self._least_step),
+            (math.cos(heading), math.sin(heading)),
+            (sum(v * v for v in speeds), turn_rate * turn_rate),
+        )
+        state.count, state.since, state.judged = state.count + 1, state.since + 1, state.judged + 1
+        state.counts.used += 1
+        return True
 
     def _is_held(self, moved: float, h: float, drove: float, turned: float) -> bool:
         """Whether the robot should have moved and did next to nothing."""
@@ -119,11 +119,12 @@ class Steps:
         return drove > factor * moved + self._jump or abs(turned) > factor * abs(h) + JUMP_TURN
 
 
-def _leave_out(state: AdaptationState, rejected: bool) -> None:
+def _leave_out(state: AdaptationState, rejected: bool) -> bool:
     """Count a period that tells nothing; the next step shares no noise with those before."""
     state.counts.rejected += rejected
     state.counts.still += not rejected
-    state.carried = NO_STEPS
+    state.carried = 0.0
+    return False
 
 
 def whitening(noise: Array, dt: float, scale: Scale) -> tuple[Array, Array]:
@@ -145,25 +146,3 @@ def whitening(noise: Array, dt: float, scale: Scale) -> tuple[Array, Array]:
     ratio = floor / pose
     gain = 2.0 / (1.0 + np.sqrt(1.0 + 4.0 / ratio))
     return 1.0 - gain, (ratio / gain + 1.0) / (ratio + 2.0)
-
-
-def one_period(
-    x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None, model: KoopmanModel
-) -> tuple[Array, Array, Array, Array | None]:
-    """Pose before, command, pose after and the commands before that a model needs, as arrays.
-
-    Raises ValueError for wrong shapes.
-    """
-    before, command, after = (np.asarray(value, dtype=float) for value in (x, u, x_next))
-    if before.shape != (STATES,) or command.shape != (model.inputs,) or after.shape != (STATES,):
-        raise ValueError(
-            f"expected x ({STATES},), u ({model.inputs},), x_next ({STATES},), "
-            f"got {before.shape}, {command.shape}, {after.shape}"
-        )
-    if history is None or not model.history:
-        return before, command, after, None
-    past = np.asarray(history, dtype=float)
-    if past.shape != (model.history, model.inputs):
-        expected = (model.history, model.inputs)
-        raise ValueError(f"history: expected shape {expected}, got {past.shape}")
-    return before, command, after, past
