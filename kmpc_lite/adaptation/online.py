@@ -18,10 +18,11 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.estimate import Evidence, estimate
 from kmpc_lite.adaptation.gains import (
+    Evidence,
     adapted_model,
     drives_sideways,
+    estimate,
     lag_taken_for_gain,
     refuse,
     residual_covariance,

@@ -80,15 +80,13 @@ class Steps:
         if not (moves or turns):
             return _leave_out(state, rejected=False)
         sx, sy = rotate(0.0, left, middle) if self._drives_sideways else (0.0, 0.0)
-        earlier = [state.given[min(late, len(state.given) - 1)] for late in self._late]
-        moving = [rotate(was_ahead - ahead, 0.0, middle) for was_ahead, _ in earlier]
-        turning = [(was_turn - h, 0.0) for _, was_turn in earlier]
-        terms = np.array(
-            (
-                ((px - sx, py - sy), (-py, px), (sx, sy), (dx, dy), *moving),
-                ((h, 0.0), (ahead, 0.0), (0.0, 0.0), (turned, 0.0), *turning),
-            )
-        )
+        moving = [(px - sx, py - sy), (-py, px), (sx, sy), (dx, dy)]
+        turning = [(h, 0.0), (ahead, 0.0), (0.0, 0.0), (turned, 0.0)]
+        for periods in self._late:
+            was_ahead, was_turn = state.given[min(periods, len(state.given) - 1)]
+            moving.append(rotate(was_ahead - ahead, 0.0, middle))
+            turning.append((was_turn - h, 0.0))
+        terms = np.array((moving, turning))
         # noise of a pose makes one step longer and the next one shorter: the fading sums take that
         # back
         state.carried = terms + self._carried * state.carried
