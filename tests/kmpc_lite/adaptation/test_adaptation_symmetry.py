@@ -32,10 +32,8 @@ def test_a_heading_that_has_turned_full_circles_is_still_the_same_heading():
 
 def test_the_same_robot_scaled_learns_the_same_gains():
     scale = Scale(4.0, 2.0)
-    one, large = (
-        OnlineAdaptation(nominal_unicycle(DT)),
-        OnlineAdaptation(nominal_unicycle(DT * scale.time), scale=scale),
-    )
+    one = OnlineAdaptation(nominal_unicycle(DT))
+    large = OnlineAdaptation(nominal_unicycle(DT * scale.time), scale=scale)
     random, x, plant = np.random.default_rng(0), np.zeros(3), DifferentialDrive(turn_gain=0.7)
     for _ in range(100):
         u = random.uniform(-1, 1, 2) * U_MAX
