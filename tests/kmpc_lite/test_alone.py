@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from kmpc_lab import DifferentialDrive, generate_dataset
-from kmpc_lab.cli.stage import emulator, robot_text
+from kmpc_lab.cli.demo import emulator
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("kmpc_lite", "firmware_bridge")
@@ -105,11 +105,12 @@ def test_without_the_lab_a_robot_learns_and_drives(kmpc: Path, tmp_path: Path) -
     done = run(kmpc, tmp_path, "fit", "run.csv", "-o", "robot.npz")
     assert done.returncode == 0, done.stderr
 
-    file = tmp_path / "robot.toml"
-    file.write_text(robot_text("roboclaw", tmp_path, 0.1))
+    link = tmp_path / "roboclaw"
+    done = run(kmpc, tmp_path, "init", "roboclaw", "--link", f"pty:{link}")
+    assert done.returncode == 0, done.stderr
     (tmp_path / "course.toml").write_text(COURSE)
-    with emulator(file, tmp_path / "roboclaw"):
+    with emulator(link, tmp_path / "robot.toml"):
         words = ("--scenario", "course.toml", "--model", "robot.npz", "--trust-model", "--json")
-        done = run(kmpc, tmp_path, "run", "robot.toml", *words)
+        done = run(kmpc, tmp_path, "run", "robot.toml", *words, "--socket", "estop")
     assert done.returncode == 0, done.stderr + done.stdout
     assert json.loads(done.stdout)["outcome"] == "arrived"

@@ -1,4 +1,4 @@
-"""`kmpc demo`: the main job from end to end, through files, as a user would do it.
+"""`kmpc demo`: the main job from end to end, by the commands that a user would type.
 
 The emulated rover is recorded, learned and driven through its link; with a log of one's own, or
 without pymavlink, a simulated robot drives without one.
@@ -8,60 +8,49 @@ from __future__ import annotations
 
 import argparse
 import json
-import tempfile
+import shlex
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
-import kmpc_lite as kl
-from firmware_bridge.integration.course import course
-from firmware_bridge.integration.recording import NAME, recorder_of
-from firmware_bridge.messages import BridgeError
-from firmware_bridge.robot_file import load_robot
-from firmware_bridge.safety.gate_settings import TICK
-from firmware_bridge.safety.gate_table import Reason
+from firmware_bridge.messages import BridgeError, LinkError
 from firmware_bridge.sensors.lidar.options import LIDARS
-from kmpc_lab.cli.simulate import describe, simulate
-from kmpc_lab.cli.stage import SCENARIO, Stage, emulator, robot_text
-from kmpc_lite.cli.command import Command, is_installed, need, pip_line, positive
-from kmpc_lite.cli.fit import tell_learned
-from kmpc_lite.cli.output import command_line, watching
+from kmpc_lite.cli.command import (
+    Command,
+    build_parser,
+    is_installed,
+    known_commands,
+    need,
+    pip_line,
+    positive,
+)
+from kmpc_lite.cli.main import INTERRUPTED
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
-if TYPE_CHECKING:
-    from kmpc_lab.sim.closed_loop import Run
-    from kmpc_lite.learn.learning import Learned
-
-PERIOD = 0.1
-"""Of controller and rows [s]."""
-COMMANDS = {"command_period": TICK}
-"""Commands go out faster than plans are made."""
-LAGS = [0, 1, 2, 3]
+SCENARIO, FENCE = "four_circles_1", (-2, -2, 2, 2)
+"""What is driven, and its bounds [m]: there the rover may drive at random."""
+LAGS = (0, 1, 2, 3)
 """Ages of the commands that act [periods], as `kmpc fit --lags` takes them: the rover obeys late,
 and a drive this short does not tell by itself how late it turns."""
-SETTLE = 1.0
-"""How long the goal must be held [s]."""
-HOLD, MUCH = 20.0, 0.05
-"""How long the emulated rover waits for plans on a busy machine until it is given back [s], and the
-share of the time with late plans that is reported."""
-LIDAR = "ld06"
-"""Default lidar of the rover."""
+HOLD = 20.0
+"""How long a rover that sees waits for plans on a busy machine until it is given back [s]: it would
+stand there until the time is up."""
 PATIENCE = 60.0
 """Give up driving after so long [s]."""
-WAIT = 60.0
-"""Give up waiting for the rover to be armed after so long [s]."""
+LIDAR = "ld06"
+"""Default lidar of the rover."""
+START_TIME = 20.0
+"""How long an emulator may take to start [s]."""
 OWN_FILES = (
-    "drive.csv",
-    "drive.tlog",
-    "robot.npz",
-    f"run/{NAME}.csv",
-    f"run/{NAME}.tlog",
-    f"run/{NAME}.mcap",
-    "report.html",
+    *("rover", "lidar", "drive.csv", "drive.tlog", "robot.npz", "report.html"),
+    *("run/drive.csv", "run/drive.tlog", "run/drive.mcap"),
 )
-"""What a demo writes into its folder, and replaces the next time."""
+"""What a demo of the rover writes into its folder, and replaces the next time."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -79,15 +68,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "(default, where pymavlink is installed)\nsimulated: without a link"
     )
     add("--robot", choices=("rover", "simulated"), help=text)
-    text = "length of the rover's random drive, which is learned from [s] (default: 50)"
-    add("--seconds", type=positive, metavar="S", default=50.0, help=text)
+    text = "length of the rover's random drive, which is learned from [s] (default: 70)"
+    add("--seconds", type=positive, metavar="S", default=70.0, help=text)
     text = "seed of the rover's random driving and slip (default: 0)"
     add("--seed", type=int, default=0, help=text)
     text = (
         "drive by sight alone: the rover carries a lidar, and no map is given\n"
         f"({', '.join(LIDARS)}; default: {LIDAR})"
     )
-    add("--lidar", choices=LIDARS, metavar="NAME", nargs="?", const=True, help=text)
+    add("--lidar", choices=LIDARS, metavar="NAME", nargs="?", const=LIDAR, help=text)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -95,232 +84,157 @@ def run(options: argparse.Namespace) -> int:
     if options.log and options.robot == "rover":
         raise BridgeError("--log: the rover records a log of its own; leave --robot rover out")
     need("the report of a demo", "matplotlib")
-    if options.log or options.robot == "simulated":
-        if options.lidar is not None:
-            raise BridgeError("--lidar: only the emulated rover carries one: --robot rover")
-        return simulated(options)
-    if options.robot is None and options.lidar is None and not is_installed("pymavlink"):
-        if not options.json:
+    simulated = options.robot == "simulated" or options.log is not None
+    if simulated and options.lidar:
+        raise BridgeError("--lidar: only the emulated rover carries one: --robot rover")
+    if options.robot is None and not simulated and not options.lidar:
+        simulated = not is_installed("pymavlink")
+        if simulated and not options.json:
             print(f"without the emulated rover, which needs {pip_line('pymavlink')}")
-        return simulated(options)
-    need("the emulated rover", "pymavlink")
-    say = (lambda text: None) if options.json else partial(print, flush=True)
-    lidar = LIDAR if options.lidar is True else options.lidar
-    report, status = demo(options.output, options.seconds, options.seed, say, options.json, lidar)
-    if options.json:
-        print(json.dumps(report))
-    return status
-
-
-def demo(
-    folder: Path,
-    seconds: float,
-    seed: int,
-    say: Callable[[str], None],
-    quiet: bool = True,
-    lidar: str | None = None,
-) -> tuple[dict[str, Any], int]:
-    """Record, learn, drive, report; gives the report and the exit status.
-
-    Files of an earlier demo in the folder are replaced. The lidar, if one is named, is the drive's
-    only source of obstacles; `say` receives a line per phase.
-    """
-    from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
-    from kmpc_lab.report.html import write_report
-    from kmpc_lab.sim.closed_loop import Outcome
-    from kmpc_lite.learn.loading import load_logs
-    from kmpc_lite.scenario.files import Scenario
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in OWN_FILES:
-        (folder / name).unlink(missing_ok=True)
-    scenario = Scenario.load(SCENARIO)
-    with tempfile.TemporaryDirectory(prefix="kmpc-bridge-") as name:
-        file = Path(name) / "rover.toml"
-        file.write_text(robot_text("mavlink", Path(name), PERIOD))
-        rover = partial(emulator, file, Path(name) / "mavlink", "--seed", str(seed))
-        stage = Stage(file, rover, scenario, folder, say, quiet, lidar)
-        recorded, status = _record(stage, seconds, seed)
-        if recorded["loop"]["stop_reason"] in SIGNALS:
-            say("stopped: no model, no report")
-            return {"outcome": "stopped", **recorded}, INTERRUPTED
-        if status != DONE:
-            why = "; ".join(recorded["problems"]) or "the rover did not drive"
-            raise BridgeError(f"{folder / 'drive.csv'}: nothing was recorded: {why}")
-        log = folder / "drive.csv"
-        learned = learn_log(log, load_logs([log]), folder / "robot.npz", say, LAGS)
-        driven, report, status = _drive(stage)
-    if driven is None:
-        say("stopped: no report")
-        return report, status
-    say(f"   {describe(driven)}{_busy(report['loop'])}")
-    page = folder / "report.html"
-    write_report(
-        page, driven, model=learned.model, fit_report=learned.report, command=command_line()
-    )
-    say(f"4  open {page.resolve()}")
-    result = {
-        "report": str(page),
-        "rows": recorded["rows"],
-        "held_out": learned.report.as_dict(),
-        "link": report["loop"],
-        **driven.summary(),
-    }
-    return result, DONE if driven.outcome is Outcome.REACHED else NOT_DONE
-
-
-def _busy(loop: dict[str, Any]) -> str:
-    """Tell where plans came too late for much of the time; or nothing."""
-    late = loop["reasons"].get(Reason.COMMAND.value, 0) / max(loop["ticks"], 1)
-    if late < MUCH:
-        return ""
-    return f"\n   this computer was busy: for {100.0 * late:.0f} % of the time plans were too late"
-
-
-def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], int]:
-    """Drive the rover at random and record that."""
-    from firmware_bridge.runtime.record_drive import RandomDriving, record
-
-    log = stage.folder / "drive.csv"
-    stage.say(
-        f"1  recording {seconds:g} s of random driving of an emulated ArduPilot rover over a "
-        f"pseudo-terminal: {log}"
-    )
-    # the emulated floor is empty: the whole map is free for random driving
-    geofence = {"geofence": stage.scenario.bounds}
-    robot = load_robot(stage.file, {"control": COMMANDS, "safety": geofence})
-
-    def line() -> str:
-        rows = log.read_bytes().count(b"\n") - 2 if log.exists() else 0
-        if rows <= 0:
-            return "   waiting for the rover to be armed"
-        return f"   {min(seconds, rows * PERIOD):.0f} of {seconds:g} s recorded"
-
-    with stage.rover(), watching(line, stage.quiet):
-        report, status = record(
-            robot,
-            str(stage.folder / "drive"),
-            seconds,
-            period=PERIOD,
-            excitation=RandomDriving(seed=seed),
-            out=None,
-        )
-    stage.say(f"   {report['rows']} rows every {PERIOD:g} s")
-    return report, status
-
-
-def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
-    """Drive the scenario with what was learned; no run where a signal came."""
-    from firmware_bridge.runtime.drive import INTERRUPTED
-    from firmware_bridge.runtime.drive import run as drive
-    from kmpc_lab.recording.drive_file import load_drive
-
-    eyes, how = stage.eyes, f"by its lidar ({stage.lidar}) alone, " if stage.lidar else ""
-    stage.say(f"3  driving {stage.scenario.name} with it, {how}over a pseudo-terminal again")
-    control = {**COMMANDS, "model": str(stage.folder / "robot.npz"), "scenario": SCENARIO}
-    control["map"] = not eyes
-    # by sight a plan takes longer: where a busy machine makes some late, the rover waits for them;
-    # one that is given back would stand there until the patience ends
-    safety = {"hold": HOLD} if eyes else {}
-    robot = load_robot(stage.file, {"control": control, "lidar": eyes, "safety": safety})
-    job = course(robot, SETTLE, PATIENCE, wait=WAIT)
-    for note in job.notes:
-        stage.say(f"   {note}")
-    folder = stage.folder / "run"
-    folder.mkdir(exist_ok=True)
-
-    def line() -> str:
-        return f"   driving for {job.navigator.elapsed(time.monotonic()):.0f} s"
-
-    with stage.rover(*stage.seeing), watching(line, stage.quiet):
-        report, status = drive(
-            job.robot,
-            job.navigator,
-            job.period,
-            job.origin,
-            str(folder / NAME),
-            None,
-            recorder=recorder_of(job, command_line()),
-        )
-    if status == INTERRUPTED:
-        return None, report, INTERRUPTED
-    if not job.navigator.drove:
-        raise BridgeError("the rover did not drive: no command passed the gate")
-    driven = load_drive(folder)
-    driven.info["plant"] = "emulated ArduPilot rover over a pty; poses as its EKF tells them"
-    return driven, report, status
-
-
-def simulated(options: argparse.Namespace) -> int:
-    """Record or read a log, learn, check, drive, report: without a link."""
-    from kmpc_lab.cli.own_course import course_for
-    from kmpc_lab.report.html import write_report
-    from kmpc_lab.sim.closed_loop import Outcome
-    from kmpc_lite.learn.loading import load_logs
-    from kmpc_lite.scenario.files import Scenario
-
-    say = (lambda text: None) if options.json else print
+    if not simulated:
+        need("the emulated rover", "pymavlink")
     folder: Path = options.output
-    scenario = Scenario.load(SCENARIO)
-    log = options.log or folder / "drive.csv"
-    if options.log is None:
-        slip = f"mean slip {scenario.slip:g}"
-        say(f"1  recording 200 s of driving on a floor that slips ({slip}): {log}")
-        _record_simulated(log, scenario.slip)
-    else:
-        say(f"1  reading {log}")
-    data = load_logs([log])
-    learned = learn_log(log, data, folder / "robot.npz", say)
-    model, report = learned.model, learned.report
-    plant, problem = "slip", kl.NavigationProblem(dt=model.dt)
-    if options.log:
-        course = course_for(learned, data, scenario)
-        plant, problem, scenario = "learned", course.problem, course.scenario
-        say("   " + course.text.replace("\n", "\n   "))
-    drive, recorder = simulate(model, scenario, plant, problem, None)
-    recorder.write(folder / "run", drive)
-    drive = recorder.with_details(drive)
-    say(f"3  drove {scenario.name}: {describe(drive)}")
-    page = folder / "report.html"
-    write_report(page, drive, model=model, fit_report=report, command=command_line())
-    if options.json:
-        print(json.dumps({"report": str(page), "held_out": report.as_dict(), **drive.summary()}))
-    else:
-        print(f"4  open {page.resolve()}")
-    return 0 if drive.outcome is Outcome.REACHED else 1
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        demo = Demo(folder, options.json)
+        return demo.simulated(options.log) if simulated else demo.rover(options)
+    finally:
+        with suppress(OSError):  # it holds something
+            folder.rmdir()
 
 
-def learn_log(
-    log: Path,
-    data: kl.Dataset,
-    output: Path,
-    say: Callable[[str], None],
-    lags: Literal["auto"] | Sequence[int] = "auto",
-) -> Learned:
-    """Learn from a log as `kmpc fit` does, write the model, and tell how good it is."""
-    from kmpc_lite.learn.learning import LearningOptions, learn
-    from kmpc_lite.learn.provenance import read_vehicle
+class Demo:
+    """Commands one after the other, whose files lie in a folder."""
 
-    learned = learn(data, [log], LearningOptions(lags=lags), read_vehicle([log]))
-    output.parent.mkdir(parents=True, exist_ok=True)
-    learned.model.save(output)
-    say(f"2  learned {output} from {learned.train}")
-    warnings = (f"warn   {text}" for text in learned.facts.get("warnings", ()))
-    text = "\n".join([*tell_learned(learned, []), *warnings])
-    say("   " + text.replace("\n", "\n   "))
-    return learned
+    def __init__(self, folder: Path, quiet: bool) -> None:
+        self._folder, self._quiet = folder, quiet
+        self._log, self._model = folder / "drive.csv", folder / "robot.npz"
+        self._run = folder / "run"
+        self._told: dict[str, dict[str, Any]] = {}
+
+    def _say(self, text: str) -> None:
+        if not self._quiet:
+            print(text, flush=True)
+
+    def _do(self, *words: object) -> int:
+        """Run a command as if it was typed; its exit status."""
+        given = [str(word) for word in words]
+        self._say(f"{len(self._told) + 1}  kmpc {shlex.join(given)}")
+        given += ["--json"] if self._quiet else []
+        parsed = build_parser(known_commands(), given).parse_args(given)
+        with redirect_stdout(StringIO()) if self._quiet else nullcontext() as out:
+            status: int = parsed.run(parsed)
+        self._told[given[0]] = {} if out is None else json.loads(out.getvalue())
+        return status
+
+    def rover(self, options: argparse.Namespace) -> int:
+        """Record, learn and drive the emulated rover through its link."""
+        for name in OWN_FILES:
+            (self._folder / name).unlink(missing_ok=True)
+        link, lidar = f"pty:{self._folder / 'rover'}", f"pty:{self._folder / 'lidar'}"
+        robot = "--driver", "mavlink", "--link", link, "--arm"
+        served = "mavlink", "--link", link, "--scenario", SCENARIO, "--seed", options.seed
+        sees: tuple[str, ...] = ()
+        by_sight: tuple[object, ...] = ()
+        if options.lidar:
+            sees = "--lidar", options.lidar, "--lidar-link", lidar
+            # the map has no walls around it: beams that end nowhere have nothing before them
+            free = "--set", 'lidar.no_return="free"', "--set", f"safety.hold={HOLD:g}"
+            by_sight = *sees, *free, "--by-sight"
+        random = "--excite", "--geofence", *FENCE, "--seconds", f"{options.seconds:g}"
+        how = "--seed", options.seed, "--output", self._folder / "drive"
+        begun = time.monotonic()
+        with emulator(self._folder / "rover", *served):
+            status = self._do("record", *robot, *random, *how)
+        if time.monotonic() - begun < options.seconds:  # Ctrl-C ends a recording, and keeps it
+            status = INTERRUPTED
+        if status == 0:
+            status = self._do("fit", self._log, "-o", self._model, "--lags", *LAGS)
+        if status != 0:
+            return self._end(status)
+        course = "--model", self._model, "--scenario", SCENARIO, "--seconds", f"{PATIENCE:g}"
+        with emulator(self._folder / "rover", *served, *sees):
+            status = self._do("run", *robot, *course, *by_sight, "--record", self._run)
+        return self._end(status)
+
+    def simulated(self, log: Path | None) -> int:
+        """Record a simulated robot or take a log, learn, and drive it: without a link."""
+        from kmpc_lab.cli.own_course import course_for
+        from kmpc_lite.learn.loading import load_logs
+        from kmpc_lite.model.koopman import KoopmanModel
+        from kmpc_lite.scenario.files import Scenario
+
+        scenario: object = SCENARIO
+        if log is None:
+            slip = Scenario.load(SCENARIO).slip
+            self._say(f"recording 200 s of driving on a floor that slips (mean slip {slip:g})")
+            _record_simulated(self._log, slip)
+        if status := self._do("fit", log or self._log, "-o", self._model):
+            return self._end(status)
+        if log is not None:
+            scenario = self._folder / "map.toml"
+            course, text = course_for(
+                KoopmanModel.load(self._model), load_logs([log]), Scenario.load(SCENARIO)
+            )
+            scenario.write_text(course.to_toml())
+            self._say(f"{scenario}: {text}")
+        plant = "slip" if log is None else "learned"
+        how = "--model", self._model, "--plant", plant, "--record", self._run
+        return self._end(self._do("simulate", scenario, *how))
+
+    def _end(self, status: int) -> int:
+        """Make the report of a drive that ended with a status, if there was one; tell all."""
+        told: dict[str, Any] = {"outcome": "stopped"}
+        if status in (0, 1) and (self._run / "drive.mcap").is_file():
+            from kmpc_lab.recording.drive_file import load_drive
+
+            page = self._folder / "report.html"
+            self._do("report", self._run, "--model", self._model, "-o", page)
+            self._say(f"open {page.resolve()}")
+            told = {"report": str(page), "held_out": self._told["fit"].get("held_out")}
+            told |= load_drive(self._run).summary()
+        else:
+            self._say("no report: it did not drive to the end")
+        if self._quiet:
+            more = {name: self._told[name] for name in ("record", "run") if name in self._told}
+            print(json.dumps({**told, **more}))
+        return status
+
+
+@contextmanager
+def emulator(link: Path, *words: object) -> Iterator[None]:
+    """Run `kmpc emulate` in another process, once its pseudo-terminal is there."""
+    command = [sys.executable, "-m", "kmpc_lite.cli.main", "emulate", *map(str, words)]
+    # a session of its own: Ctrl-C must brake the robot, not take it away
+    child = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        until = time.monotonic() + START_TIME
+        while not link.is_symlink():
+            if child.poll() is not None or time.monotonic() > until:
+                child.kill()
+                assert child.stderr is not None
+                raise LinkError(f"the emulator did not start: {child.stderr.read().strip()}")
+            time.sleep(0.02)
+        yield
+    finally:
+        child.terminate()
+        child.wait()
 
 
 def _record_simulated(log: Path, slip: float) -> None:
     """Record a simulated robot that drives at random."""
     from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
 
-    log.parent.mkdir(parents=True, exist_ok=True)
-    plant = DifferentialDrive(slip, seed=1)
-    data = generate_dataset(
-        plant, episodes=20, steps=100, dt=SHORTEST_PERIOD, seed=1, u_max=(0.6, 0.8)
+    plant, fastest = DifferentialDrive(slip, seed=1), (0.6, 0.8)
+    generate_dataset(plant, episodes=20, steps=100, dt=SHORTEST_PERIOD, seed=1, u_max=fastest).save(
+        log
     )
-    data.save(log)
 
 
 COMMAND = Command(

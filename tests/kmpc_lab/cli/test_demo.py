@@ -46,7 +46,7 @@ def test_demo_with_a_log_of_ones_own(
     assert cli.main(["demo", "--log", str(made / "drive.csv"), "-o", "mine"]) == 0
     out = capsys.readouterr().out
     assert str(made / "drive.csv") in out and "reached" in out and str(pages[0]) in out
-    written = ["mine", "mine/robot.npz", "mine/run", "mine/run/drive.mcap"]
+    written = ["mine", "mine/map.toml", "mine/robot.npz", "mine/run", "mine/run/drive.mcap"]
     assert sorted(files(here)) == sorted(written)
     assert "map and time limit are adapted" in out
     assert load_drive("mine/run").info["plant"] == "learned"

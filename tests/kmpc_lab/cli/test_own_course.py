@@ -1,24 +1,30 @@
 """The demo on a log of one's own: map, speeds and time limit are those of its robot."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.cli.own_course import OwnCourse, course_for
-from kmpc_lab.sim.closed_loop import Outcome, drive
-from kmpc_lab.sim.plants.plant import LearnedPlant
+from kmpc_lab import load_drive
 from kmpc_lab.studies.any_robot import Robot, record
-from kmpc_lite.learn.learning import Learned, learn
+from kmpc_lite.cli import main as cli
 from kmpc_lite.scenario.files import Scenario
 
-LOG = Path("robot.csv")
+
+@pytest.fixture(autouse=True)
+def _no_pages(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kmpc_lab.report.html.write_report", lambda page, run, **more: None)
 
 
-def learned_course(data: kl.Dataset) -> tuple[Learned, OwnCourse]:
-    learned = learn(data, [LOG])
-    return learned, course_for(learned, data, Scenario.load("four_circles_1"))
+def driven(data: kl.Dataset, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    data.save("run.csv")
+    assert cli.main(["demo", "--log", "run.csv", "--json"]) == 0
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert told["outcome"] == "reached" and told["plant"] == "learned"
+    return told
 
 
 def turned_while_driving(radius: float, speed: float) -> kl.Dataset:
@@ -41,24 +47,19 @@ ROBOTS = [
 
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
-def test_robots_of_any_speed_arrive(robot: Robot) -> None:
-    learned, course = learned_course(record(robot, 3))
-    assert (course.problem.u_min[0] == 0.0) == (not robot.reverse)
-    assert course.problem.u_max[0] == pytest.approx(robot.speed, rel=0.05), "as fast as its log"
-    controller = kl.Controller(learned.model, course.scenario.problem(course.problem))
-    plant = LearnedPlant(learned.model, 0)
-    run = drive(controller, course.scenario, plant, learned.model.dt)
-    assert run.outcome is Outcome.REACHED
+def test_robots_of_any_speed_arrive(robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    told = driven(record(robot, 3), capsys)
+    assert (told["u_min"][0] == 0.0) == (not robot.reverse)
+    assert told["u_max"][0] == pytest.approx(robot.speed, rel=0.05), "as fast as its log"
+    course = Scenario.load("out/map.toml")
+    assert course.radius > 0.2 * robot.speed and told["duration_s"] < course.timeout
 
 
-def test_a_log_that_never_turns_on_the_spot_is_driven_as_a_car() -> None:
-    learned, course = learned_course(turned_while_driving(1.2, 2.0))
-    car = course.problem.wheels
+def test_a_log_that_never_turns_on_the_spot_is_driven_as_a_car(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    driven(turned_while_driving(1.2, 2.0), capsys)
+    car = Scenario.load("out/map.toml").wheels
     assert isinstance(car, kl.Car) and car.turning_radius == pytest.approx(1.2, rel=0.15)
-    assert "as a car" in course.text
-    controller = kl.Controller(learned.model, course.scenario.problem(course.problem))
-    plant = LearnedPlant(learned.model, 0)
-    run = drive(controller, course.scenario, plant, learned.model.dt)
-    assert run.outcome is Outcome.REACHED
-    curved = np.abs(run.inputs[:, 1]) <= np.abs(run.inputs[:, 0]) / car.turning_radius + 1e-6
-    assert curved.all()
+    v, omega = np.abs(load_drive("out/run").inputs).T
+    assert (omega <= v / car.turning_radius + 1e-6).all()

@@ -51,7 +51,6 @@ def test_a_missing_extra_is_reported_before_anything_is_done(tmp_path: Path) -> 
         "demo --log run.csv": "kmpc-lab[plot]",
         "report drive": "kmpc-lab[plot]",
         "simulate mehrez --report run.html": "kmpc-lab[plot]",
-        "bench --picture bench.png": "kmpc-lab[plot]",
         "study table1": "kmpc-lab[peers]",
         "study maps": "kmpc-lab[peers]",
         "study jumps --drives 1 --picture worst.png": "kmpc-lab[plot]",
