@@ -1,9 +1,8 @@
 """Whether the robot may drive what the solver found, and what it does if not.
 
-A motion to rest must be safe. What the model contradicts is rolled out anew: its commands are good
-for what the model makes of them. Then `SafeMotions` looks for the largest share of the plan from
-which the robot comes to rest clear. Without one the plan is not driven: `Fallback` follows the last
-safe motion, or brakes.
+What the model contradicts is rolled out anew. Then `SafeMotions` looks for the largest share of the
+plan from which the robot comes to rest clear. Without one the plan is not driven: `Fallback`
+follows the last safe motion, or brakes.
 """
 
 from __future__ import annotations

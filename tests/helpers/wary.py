@@ -62,7 +62,7 @@ class Wary:
         self.of.expected_errors.carry_over(self.drift, before.expected_errors)
 
     def observe(self, error: np.ndarray, heading: float, command: np.ndarray) -> None:
-        self.of.expected_errors.judge(self.drift, error, heading, command)
+        self.of.expected_errors.judge(self.drift, error, heading, command, False)
 
     def margins(self, *plan: Any, **more: Any) -> np.ndarray:
         return self.of.of_plan(self.felt, *plan, **more)

@@ -1,12 +1,10 @@
 """What a model expects of innovations, what they say of the floor, and how late the robot answers.
 
-Each period is predicted by commands that are so many periods older than they should be, for a few
-such numbers. The one whose errors are the least of late, and significantly so, is how late the
-robot answers: to a model that does not know of it, a pose that shows old commands is an old pose.
-Where nothing is learned of the robot, it is predicted by commands that have passed through ramps,
-too. One that explains its motion far better than any age, lag or gain is what it can do.
-It is part of what is learned while driving: a controller that is told to adapt nothing does not
-ask for it.
+Each period is predicted by commands that are a few periods older than they should be. The age with
+the least errors of late, and significantly so, is how late the robot answers: to a model that does
+not know of it, a pose that shows old commands is an old pose. Where nothing is learned of the
+robot, it is predicted by commands that have passed through ramps, too: one that explains its motion
+far better than any age, lag or gain. A controller that is told to adapt nothing does not ask.
 """
 
 from __future__ import annotations
@@ -27,24 +25,21 @@ from kmpc_lite.model.tube import TubeNoise, tube_noise
 from kmpc_lite.types import Array
 
 CALM = 2.5
-"""Fading mean of squared innovations, as a multiple of the expected one, up to which noise stays as
-it is: slip with heavy tails exceeds it in one period of ten."""
+"""Fading mean of squared innovations, in expected ones, up to which noise stays as it is: slip with
+heavy tails exceeds it in one period of ten."""
 LARGEST = 400.0
-"""Largest squared innovation that counts, as a multiple of the expected one: a larger one is a
-broken measurement."""
+"""Largest square that counts: a larger one is a broken measurement."""
 ATTACK_TIME, RELEASE_TIME, FADING_PERIOD = 0.5, 1.0, 0.1
 """Memory of that mean if the newest innovation is larger, and if it is smaller [s]. Periods longer
 than the last count as this, so that five innovations count at the least, and ten as they shrink."""
 UNKNOWN_INFLATION = 3.0
 """The floor is unknown if errors are more than this many times as large as the model expects."""
 FORGETTING_TIME = 10.0
-"""Memory of that mean while nothing is learned of the floor, for the robot stands or creeps [s]: a
-robot that stands for what it once felt would never find out."""
+"""Memory of that mean while a robot stands or creeps [s]: one that stands for what it once felt
+would never find out."""
 DRIFT_FADING, DRIFT_THRESHOLD = 0.8, 6.0
 """Factor by which the sum of innovations fades per period, and its square, as a multiple of the
-expected one, beyond which the floor pushes to one side: a single innovation tells little among
-noisy poses. The more add up, the smaller is what counts; robots that lag would take their own floor
-for an unknown one."""
+expected one, beyond which the floor pushes to one side: a single one tells little."""
 JUDGED_STEP = 1 / 30
 """Innovations are judged only of periods that drive at least this far [radii]."""
 TOLERATED_STEP, TOLERATED_STEP_SHARE = 1 / 150, 0.02
@@ -134,13 +129,16 @@ class ExpectedErrors:
             if self._ramps_are_given:
                 change = self._dt * (speeds(period.command) - speeds(period.earlier[-1]))
                 error = _unexplained(error, heading, change)
-            self.judge(state, error, heading, period.command)
+            self.judge(state, error, heading, period.command, period.braked)
 
-    def judge(self, state: InnovationState, error: Array, heading: float, command: Array) -> None:
+    def judge(
+        self, state: InnovationState, error: Array, heading: float, command: Array, braked: bool
+    ) -> None:
         """Take in the innovation (3,) of a period: measured less predicted, in the map frame.
 
-        One that is not finite counts for nothing. `heading` [rad] was that at the beginning of the
-        period, `command` (m,) was held during it.
+        One that is not finite counts for nothing. `heading` [rad] was that at its beginning,
+        `command` (m,) was held. A robot that `braked` for want of a plan shows its lag, too: that
+        may calm, but not alarm.
         """
         command = speeds(command)
         # also false for NaN and infinity
@@ -158,6 +156,8 @@ class ExpectedErrors:
         )
         hh += turn
         square = max(_mahalanobis(ahead, left, xx + own, yy + own, xy), turned * turned / hh)
+        if braked and square > state.level:
+            return
         change = min(square, LARGEST) - state.level
         state.level += (self._attack if change > 0.0 else self._release) * change
         if not self._sums:

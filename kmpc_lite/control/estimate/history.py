@@ -53,6 +53,8 @@ class DrivenPeriod(NamedTuple):
     """(L, 2) commands before it, oldest first."""
     planned: bool
     """Whether a plan was driven."""
+    braked: bool
+    """Whether it braked by the motion to rest of one."""
 
 
 @dataclass(slots=True)
@@ -103,7 +105,8 @@ class CommandHistory:
         self.command, self.motion, self.driven = command.copy(), motion, None
         self._see_curvature()
         if self.measured is not None:
-            self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy(), planned)
+            what = self.measured, self.command, self.commands.copy()
+            self.driven = DrivenPeriod(*what, planned, motion is not None and not planned)
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[:-1] = earlier[1:]

@@ -1,12 +1,10 @@
 """The innovation: by how much a measured pose differs from the one that the model predicted.
 
-Once a period, in the robot's frame, beside the covariance that the model expects of it. A small one
-is accepted, and the robot is taken to be between both poses, each weighed by its noise: a Kalman
-filter of the pose alone. A larger one says that the floor has changed: the noise that margins are
-made from grows with a fading mean of squared innovations, and the floor counts as unknown if they
-add up to one side. One beyond all that commands, slip and noise can do says that the pose has
-jumped: the place is predicted from the last pose that was believed, until a pose comes back to it,
-or poses have agreed with each other for long enough. What is lost is predicted, too.
+A small one is accepted, and the robot is taken to be between both poses, each weighed by its noise:
+a Kalman filter of the pose alone. With a larger one the noise that margins are made from grows, by
+a fading mean of squares, and the floor counts as unknown if they add up to one side. One beyond all
+that commands, slip and noise can do says that the pose has jumped: the place is predicted from the
+last pose that was believed, until one comes back to it, or poses have agreed for long enough.
 """
 
 from __future__ import annotations
@@ -38,7 +36,7 @@ class InnovationState:
     """What is remembered of past innovations. Pairs are a position's and a heading's."""
 
     error: Array | None = None
-    """(3,) measured less predicted pose after a plan's period; none if that tells nothing."""
+    """(3,) measured less predicted pose after a period; none if that tells nothing."""
     level: float = 1.0
     """Fading mean of their squares, each as a multiple of what the model expects."""
     ahead: float = 0.0
@@ -127,7 +125,7 @@ class Innovation:
         )
         agrees = _within(size, bounds)
         if not doubted and (agrees or not options.agreement):
-            if was_seen and before.planned:
+            if was_seen and (before.planned or before.braked):
                 state.error = pose - step
             return None
         # what happens from pose to pose then tells nothing of the floor

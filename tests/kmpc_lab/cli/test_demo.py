@@ -1,4 +1,4 @@
-"""`kmpc demo` on a simulated robot, on a log of one's own, and through a link."""
+"""`kmpc demo` on a simulated robot, and through a link."""
 
 import json
 from pathlib import Path
@@ -34,22 +34,6 @@ def test_demo_does_the_main_job(here: Path, capsys: pytest.CaptureFixture[str]) 
     # it learns as kmpc fit does
     assert cli.main(["fit", "out/drive.csv", "-o", "fitted.npz"]) == 0
     assert Path("out/robot.npz").read_bytes() == Path("fitted.npz").read_bytes()
-
-
-def test_demo_with_a_log_of_ones_own(
-    made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pages: list[Path] = []
-    monkeypatch.setattr(
-        "kmpc_lab.report.html.write_report", lambda page, run, **more: pages.append(page)
-    )
-    assert cli.main(["demo", "--log", str(made / "drive.csv"), "-o", "mine"]) == 0
-    out = capsys.readouterr().out
-    assert str(made / "drive.csv") in out and "reached" in out and str(pages[0]) in out
-    written = ["mine", "mine/map.toml", "mine/robot.npz", "mine/run", "mine/run/drive.mcap"]
-    assert sorted(files(here)) == sorted(written)
-    assert "map and time limit are adapted" in out
-    assert load_drive("mine/run").info["plant"] == "learned"
 
 
 @pytest.mark.long

@@ -219,7 +219,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl
     calm, before = spread(), single()
     for _ in range(5):
         # pushed sideways by a slip of 0.2
-        margins.expected_errors.judge(state, np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
+        margins.expected_errors.judge(state, np.array([0.0, -0.012, 0.0]), 0.0, inputs[0], False)
     assert spread() > calm + 0.01**2
     assert single() > before + 0.1
 

@@ -233,6 +233,6 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     task = Task(model, none, np.zeros(2), beside, margins, margins.calm)
     assert not motions.find(states, inputs, task).slowed
     for _ in range(3):
-        margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
+        margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0], False)
     task = task._replace(felt=margins.felt(state))
     assert motions.find(states, inputs, task).inputs[0, 0] < 0.4

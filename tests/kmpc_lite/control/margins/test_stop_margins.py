@@ -99,3 +99,16 @@ def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> N
     # a robot that has stopped errs no farther
     stopped = check.of_motions(felt, np.array([0.06, 0.0, 0.0]), np.zeros(3))
     assert stopped == pytest.approx(np.full(3, wary.margin(0.6, 0.0)), rel=1e-3)
+
+
+def test_a_robot_that_brakes_is_calmed_by_what_it_feels_and_not_alarmed():
+    """One that lags shows its lag as it brakes: that is no floor."""
+    wary, driven = Wary(nominal_unicycle(0.1)), (0.0, np.array((0.5, 0.0)))
+    slipped, judge = np.array((0.1, 0.0, 0.0)), wary.of.expected_errors.judge
+    judge(wary.drift, slipped, *driven, False)
+    alarmed = wary.inflation
+    judge(wary.drift, 10.0 * slipped, *driven, True)
+    assert 1.0 < wary.inflation == alarmed
+    for _ in range(60):
+        judge(wary.drift, 0.01 * slipped, *driven, True)
+    assert wary.inflation == 1.0
