@@ -227,7 +227,7 @@ class Controller:
         task = phases.task(now)
         verified = phases.verify(now, phases.solve(now, task), task)
         if verified.trajectory is None or verified.motion is None:
-            return phases.fallback.stop(now, verified.reason, verified.farthest)
+            return phases.fallback.stop(now, verified.reason)
         return phases.command(now, verified)
 
     @property

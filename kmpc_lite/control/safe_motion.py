@@ -2,13 +2,15 @@
 
 Candidates are the plan's coming command, its shares down to hard braking, and a few further
 commands of the plan; each is followed by a brake. They are rolled out to rest with the model and
-its past commands, and the first one that stays clear is driven; if none is, the plan is not.
+its past commands, and the first one that stays clear is driven (`kernels/c/safe_motion.c` has the
+law). None: the plan must not be driven.
 
 It holds as far as these are true:
 
 - the model is wrong by less than its margins (`margins.py`), but for how late the robot answers,
   which is found while it drives (`estimate/expected_errors.py`);
-- circles keep their velocity, or turn for a while, and solids stay until the robot stands;
+- circles keep their velocity, or turn for a while, and solids stay until the robot stands; a
+  standing robot can still be driven into;
 - the pose is right, and every obstacle that the motion comes to is known: all are given, or those
   within `NavigationProblem.sensor_range`, or a scan has shown the place to be free;
 - a robot whose model has no input history, and whose commands may change as they like (no
@@ -50,8 +52,8 @@ class SafeMotion(NamedTuple):
     """(N, 2), whose first is the coming command."""
     commands: Array | None
     """(T, 2) from the coming command to rest; None if no motion is clear."""
-    farthest: Array | None = None
-    """(T, 2) the one that then stays farthest from all there is."""
+    slowed: bool = False
+    """Whether the coming command is not the plan's."""
 
 
 class SafeMotions:
@@ -76,9 +78,10 @@ class SafeMotions:
         self._brakes = Brakes(*changes, sharpest, rates.longest_ramp, self.further)
 
     def find(self, states: Array, inputs: Array, task: Task) -> SafeMotion:
-        """Find what may be driven of a plan (N + 1, 3), (N, 2) from the present pose.
+        """Find what may be driven of a plan from the present pose.
 
-        `task`: what it must be clear of.
+        `states`, `inputs`: the plan (N + 1, 3) and (N, 2); left as they are. `task`: what it must
+        be clear of.
         """
         ramp = np.concatenate([inputs[:1], self._rates.ramp(inputs[0])])
         if task.margins is None or task.around.is_empty or self._is_far(states[0], ramp, task):
@@ -86,24 +89,24 @@ class SafeMotions:
         # of a plan that is clear nothing else is rolled out, which is most of the time
         for whole in (True, False):
             motions = self._candidates(inputs, whole, task)
-            clear, gaps = self._are_clear(states[0], motions, task)
+            clear = self._are_clear(states[0], motions, task)
             if clear.any():
                 chosen = motions.commands[int(clear.argmax())]
                 break
         else:
-            farthest = int(gaps.min(axis=(1, 2, 3), initial=np.inf).argmax())
-            return SafeMotion(states, inputs, None, motions.commands[farthest])
+            return SafeMotion(states, inputs, None)
         if np.array_equal(chosen[0], inputs[0]):
             return SafeMotion(states, inputs, chosen)
         slower = inputs.copy()
         slower[0] = chosen[0]
         states = task.model.rollout(states[0], slower, task.past)
-        return SafeMotion(states, slower, chosen)
+        return SafeMotion(states, slower, chosen, slowed=True)
 
     def rollout(self, model: MotionModel, here: Array, commands: Array, past: Array) -> Array:
         """States (..., T + L + 1, 3) of a motion, and of the coasting after it.
 
-        `here`: pose (3,) at which it begins. `commands`: (..., T, 2), to zero. `past`: (L, 2) sent.
+        `model`: predicts, with L past commands. `here`: pose (3,) at which it begins. `commands`:
+        (..., T, 2), to zero. `past`: (L, 2) commands already sent.
         """
         if model.history:
             still = np.zeros((*commands.shape[:-2], model.history, commands.shape[-1]))
@@ -138,8 +141,8 @@ class SafeMotions:
         at_once = self._stands_at_once(task)
         return library.candidates(self._brakes, inputs, hardest, whole, at_once)
 
-    def _are_clear(self, here: Array, motions: Motions, task: Task) -> tuple[Array, Array]:
-        """Which of the motions from a pose (3,) stay clear, (C,); clearances (C, ...) if none."""
+    def _are_clear(self, here: Array, motions: Motions, task: Task) -> Array:
+        """Which of the motions from a pose (3,) stay clear, (C,)."""
         margins, felt, around = task.margins, task.felt, task.around
         assert margins is not None and felt is not None
         commands, radius = motions.commands, self._radius
@@ -168,7 +171,7 @@ class SafeMotions:
         lost = chord * chord / (8.0 * self._unit)
         sure = library.surely_clear(clearance, needed, error, travel[:, 0], ends, lost)
         if sure[0]:
-            return sure, needed
+            return sure
         standing = around.clearance(begin[None, None], times, begin, at_rest) - radius
         clearance = library.between_samples(clearance, standing, places, begin, self._unit)
         slopes = around.slopes(begin, here, TINY_STEP * self._unit, self._footprint)
@@ -178,7 +181,7 @@ class SafeMotions:
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
             needed[:, :count] = -np.inf
-        clear = library.admissible(
+        return library.admissible(
             clearance,
             standing,
             self._options.spend_share * np.maximum(standing - felt.pose_error, 0.0),
@@ -191,4 +194,3 @@ class SafeMotions:
             count,
             felt.pose_error,
         )
-        return clear, clearance

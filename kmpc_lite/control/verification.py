@@ -39,8 +39,6 @@ class Verified(NamedTuple):
     """(T, 2) from the coming command to rest; None: the plan must not be driven."""
     reason: str
     """What is wrong; empty if nothing is."""
-    farthest: Array | None = None
-    """As of `SafeMotion`."""
 
 
 class Verification:
@@ -82,7 +80,7 @@ class Verification:
             reason = "no way to a stop is clear"
         if motion.inputs is not found.inputs:
             found = Trajectory(motion.states, motion.inputs, found.duals)
-        return Verified(found, motion.commands, reason, motion.farthest)
+        return Verified(found, motion.commands, reason)
 
     def clearance(self, states: Array, now: Now) -> float:
         """Smallest distance between the edges of robot and obstacles along states (K, 3)."""
@@ -111,20 +109,20 @@ class Fallback:
         self._problem, self._motions, self._verification = problem, motions, verification
         self._rates, self._answers = rates, answers
 
-    def stop(self, now: Now, reason: str, farthest: Array | None = None) -> Plan:
-        """Drive the last safe motion on while it is clear, else the farthest one, else brake."""
+    def stop(self, now: Now, reason: str) -> Plan:
+        """Drive the last safe motion on while it is clear, else brake."""
         state, history = now.state, now.state.history
-        here, blocked = now.pose if now.pose_is_known else history.measured, False
-        for rest in (history.rest, farthest):
-            if rest is None or here is None:
-                continue
-            # from where the robot is now, and against the obstacles that are seen now
+        rest, here = history.rest, now.pose if now.pose_is_known else history.measured
+        blocked = False
+        if rest is not None and here is not None:
+            # checked again from where the robot is now, and against the obstacles that are seen now
             states = self._motions.rollout(now.known.model, here, rest, history.commands)
-            if self._verification.clearance(states, now) >= 0.0 and np.isfinite(states).all():
+            blocked = not self._verification.clearance(states, now) >= 0.0
+            if not blocked and np.isfinite(states).all():
                 return self._replay(now, states, rest, reason)
-            blocked = True
         state.trajectory = None
-        # where these would end in an obstacle, the robot brakes as hard as it can
+        # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
+        # without lag stands, and one with lag brakes as hard as it can
         last = history.command
         command = np.zeros_like(last) if blocked else self._rates.ramp(last)[0]
         command = self._rates.limit(command, last)

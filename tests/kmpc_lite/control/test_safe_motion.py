@@ -56,11 +56,6 @@ def find(
     return SafeMotions(problem, StopOptions(**options)).find(states, inputs, task)
 
 
-def slowed(motion: SafeMotion) -> bool:
-    """Whether the first of a steady plan's commands was changed."""
-    return bool((motion.inputs[0] != motion.inputs[1]).any())
-
-
 def to_rest(motion: SafeMotion, model: KoopmanModel, past: Array | None = None) -> Array:
     """Poses at ten moments a period until the robot stands: of a model without lag."""
     assert motion.commands is not None and not motion.commands[-1].any()
@@ -75,7 +70,7 @@ def to_rest(motion: SafeMotion, model: KoopmanModel, past: Array | None = None) 
 def test_far_from_everything_the_plan_is_driven_as_it_is() -> None:
     inputs = np.tile((0.6, 0.2), (20, 1))
     motion = find(inputs, Surroundings(rows((3.0, 0.0, 0.2))))
-    assert motion.inputs is inputs
+    assert motion.inputs is inputs and not motion.slowed
     assert motion.commands is not None and not motion.commands[-1].any()
 
 
@@ -88,7 +83,7 @@ def test_the_motion_stays_clear_until_the_robot_stands() -> None:
         motion = find(command, Surroundings(rows(circle)))
         gaps = np.hypot(*(to_rest(motion, NOMINAL)[:, :2] - circle[:2]).T) - 0.35
         assert gaps.min() > -1e-9
-        seen.add(slowed(motion))
+        seen.add(motion.slowed)
     assert seen == {False, True}
 
 
@@ -106,7 +101,7 @@ def test_a_robot_that_lags_has_a_clear_motion_or_none_at_all() -> None:
             states = model.rollout(np.zeros(3), np.zeros((6, 2)), past)
             assert (np.hypot(*(states[:, :2] - circle[:2]).T) - 0.35).min() < 0.03
             continue
-        outcomes["slowed" if slowed(motion) else "clear"] += 1
+        outcomes["slowed" if motion.slowed else "clear"] += 1
         commands = np.concatenate([motion.commands, np.zeros((4, 2))])
         states = model.rollout(np.zeros(3), commands, past)
         assert (np.hypot(*(states[:, :2] - circle[:2]).T) - 0.35).min() >= 0.0
@@ -155,7 +150,7 @@ def test_what_leads_past_a_thing_on_a_floor_that_pushes_is_slow_and_what_leads_a
 
 @pytest.mark.parametrize("seed", range(2))
 def test_no_circle_of_a_long_robot_is_led_into_a_thing(seed: int) -> None:
-    random, count = np.random.default_rng(seed), 0
+    random, slowed = np.random.default_rng(seed), 0
     footprint = CART.footprint
     assert footprint is not None
     for _ in range(400):
@@ -166,11 +161,11 @@ def test_no_circle_of_a_long_robot_is_led_into_a_thing(seed: int) -> None:
             continue
         command = random.uniform((-0.6, -1.5), (0.6, 1.5))
         motion = find(command, Surroundings(rows((*centre, 0.1))), problem=CART)
-        count += slowed(motion)
+        slowed += motion.slowed
         places = footprint.places(to_rest(motion, NOMINAL))
         gaps = np.hypot(*(places - centre).transpose(2, 0, 1)) - 0.1 - footprint.circle_radius
         assert gaps.min() > -1e-6
-    assert count > 4
+    assert slowed > 4
 
 
 @pytest.mark.parametrize(("gap", "drives"), [(0.05, False), (1.5, True)])
@@ -178,7 +173,7 @@ def test_a_long_robot_that_lags_stops_before_a_wall(gap: float, drives: bool) ->
     wall = Solids([kl.Wall(0.4 + gap, -1.0, 0.4 + gap, 1.0)])
     around = Surroundings(NOTHING, wall.whole)
     motion = find(np.array((0.6, 0.0)), around, lagging(), CART)
-    assert (motion.commands is not None and not slowed(motion)) is drives
+    assert (motion.commands is not None and not motion.slowed) is drives
 
 
 def test_a_robot_with_ramps_brakes_along_its_plan_where_straight_on_something_is() -> None:
@@ -187,11 +182,11 @@ def test_a_robot_with_ramps_brakes_along_its_plan_where_straight_on_something_is
     # straight on from the coming command it would brake into this circle
     around = Surroundings(rows((0.9, -0.25, 0.3)))
     motion = find(turning, around, problem=SLOW, last=np.array((1.5, 0.0)))
-    assert motion.commands is not None and motion.inputs is turning
+    assert motion.commands is not None and not motion.slowed
     gaps = np.hypot(*(to_rest(motion, NOMINAL)[:, :2] - (0.9, -0.25)).T) - 0.45
     assert gaps.min() > 0.0 and motion.commands[3, 1] > 0.0
     blocked = find(np.tile((1.5, 0.0), (20, 1)), around, problem=SLOW)
-    assert slowed(blocked) or blocked.commands is None
+    assert blocked.slowed or blocked.commands is None
 
 
 def test_a_slower_command_of_a_robot_with_ramps_is_one_that_it_can_reach() -> None:
@@ -236,7 +231,7 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     state = InnovationState()
     motions = SafeMotions(PROBLEM, StopOptions())
     task = Task(model, none, np.zeros(2), beside, margins, margins.calm)
-    assert not slowed(motions.find(states, inputs, task))
+    assert not motions.find(states, inputs, task).slowed
     for _ in range(3):
         margins.expected_errors.judge(state, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0], False)
     task = task._replace(felt=margins.felt(state))
