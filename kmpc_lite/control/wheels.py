@@ -2,7 +2,7 @@
 
 They enter a step in three places, and nowhere else: as rows of the QP (`nmpc/qp.py`), as the set of
 admissible commands (`NavigationProblem.within_bounds`, of the safe motion), and as the planner's
-motions (`path/field/motions.py`). Each kind says
+motions (`path/motions.py`). Each kind says
 
 - `turns_on_the_spot`: whether it can turn where it stands;
 - `follows_poses`: whether paths are driven pose by pose, not as lines between turns on the spot;
