@@ -22,10 +22,17 @@ from kmpc_lite.errors import KmpcError, did_you_mean
 
 BRIDGE, LOGS, PLOT = "kmpc-lite[bridge]", "kmpc-lite[logs]", "kmpc-lab[plot]"
 EXTRAS = {
-    **dict.fromkeys(("mcap", "pymavlink", "serial"), BRIDGE),
-    **dict.fromkeys(("pyulog", "rosbags"), LOGS),
-    **dict.fromkeys(("PIL", "jinja2", "matplotlib"), PLOT),
-    **{"casadi": "kmpc-lab[peers]", "mujoco": "kmpc-lab[twin]", "rclpy": "kmpc-lite[ros2-test]"},
+    "PIL": PLOT,
+    "casadi": "kmpc-lab[peers]",
+    "jinja2": PLOT,
+    "matplotlib": PLOT,
+    "mujoco": "kmpc-lab[twin]",
+    "mcap": BRIDGE,
+    "pymavlink": BRIDGE,
+    "pyulog": LOGS,
+    "rclpy": "kmpc-lite[ros2-test]",
+    "serial": BRIDGE,
+    "rosbags": LOGS,
 }
 """Distribution and extra of it that bring a module."""
 LAB_LINE = "pip install kmpc-lab"
@@ -34,8 +41,9 @@ ENTRY_POINTS, PARTS = "kmpc.commands", "kmpc.parts"
 ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"), "export")
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a robot, and of a desk, which kmpc-lab brings; the help shows them in this order."""
-PROGRAM, LARGEST = "kmpc", 1e9
-"""Beyond the largest a number is a slip of the pen."""
+PROGRAM = "kmpc"
+LARGEST = 1e9
+"""Beyond it a number is a slip of the pen."""
 
 
 class MissingExtra(KmpcError):

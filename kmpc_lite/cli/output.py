@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
 from kmpc_lite.errors import DataError
 
 COLOURS = {"red": "31", "green": "32", "yellow": "33"}
-PERIOD = 0.5
-"""Between pictures of `watching` [s]."""
 WIDTH = 30
 """Of the bar [characters]."""
 
@@ -98,29 +93,3 @@ def remaining(seconds: float | None) -> str:
     if minutes < 60:
         return f"about {minutes} min left"
     return f"about {minutes // 60} h {minutes % 60:02d} min left"
-
-
-@contextmanager
-def watching(line: Callable[[], str], quiet: bool = False) -> Iterator[None]:
-    """Show a line while something runs that calls nobody: a robot that is driven in real time.
-
-    `line`: gives the text; called in a thread of its own. `quiet`: show nothing, even on a
-    terminal.
-    """
-    if quiet or not sys.stderr.isatty():
-        yield
-        return
-    done = threading.Event()
-
-    def draw() -> None:
-        while not done.wait(PERIOD):
-            print(f"\r\x1b[2K{line()}", end="", file=sys.stderr, flush=True)
-
-    thread = threading.Thread(target=draw, name="kmpc-progress", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        done.set()
-        thread.join(1.0)  # a terminal that blocks is left to itself
-        print("\r\x1b[2K", end="", file=sys.stderr, flush=True)

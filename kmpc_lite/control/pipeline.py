@@ -192,7 +192,7 @@ class Pipeline:
         """Send the first command of a verified plan."""
         trajectory, motion, guidance = verified.trajectory, verified.motion, now.guidance
         assert trajectory is not None and motion is not None
-        now.state.history.remember(trajectory.inputs[0], motion, planned=True)
+        now.state.history.remember(trajectory.inputs[0], motion)
         states = trajectory.states + (0.0, 0.0, now.turns) if now.turns else trajectory.states
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
         reason, progress = verified.reason, GoalProgress.DRIVING
@@ -210,6 +210,6 @@ class Pipeline:
             # it still brakes
             plan.states[:] = now.known.model.rollout(now.here, plan.inputs, history.commands)
         now.state.trajectory = plan
-        history.remember(command, np.vstack([command, self._rates.ramp(command)]))
+        history.remember(command, np.vstack([command, self._rates.ramp(command)]), braked=True)
         states, told = plan.states + (now.pose - now.here), (guidance.reason, guidance.progress)
         return self._answers.plan(now, states, plan.inputs, PlanStatus.SOLVED, *told)

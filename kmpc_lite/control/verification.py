@@ -138,7 +138,7 @@ class Fallback:
     def _replay(self, now: Now, states: Array, rest: Array, reason: str) -> Plan:
         """Send the next command of the stop trajectory (T, 2), which leads along states (K, 3)."""
         rest[0] = self._rates.limit(rest[0], now.state.history.command)
-        now.state.history.remember(rest[0], rest)
+        now.state.history.remember(rest[0], rest, braked=True)
         n = self._problem.horizon
         commands = np.zeros((n, rest.shape[1]))
         commands[: len(rest)] = rest[:n]

@@ -137,8 +137,8 @@ class ExpectedErrors:
         """Take in the innovation (3,) of a period: measured less predicted, in the map frame.
 
         One that is not finite counts for nothing. `heading` [rad] was that at its beginning,
-        `command` (m,) was held. A robot that `braked` for want of a plan shows its lag, too: that
-        may calm, but not alarm.
+        `command` (m,) was held. A robot that `braked` shows its lag, too: that may calm, but not
+        alarm.
         """
         command = speeds(command)
         # also false for NaN and infinity

@@ -51,10 +51,10 @@ class DrivenPeriod(NamedTuple):
     """(2,) that was held during it."""
     earlier: Array
     """(L, 2) commands before it, oldest first."""
-    planned: bool
-    """Whether a plan was driven."""
+    safe: bool
+    """Whether a safe motion was driven: a plan's, or ..."""
     braked: bool
-    """Whether it braked by the motion to rest of one."""
+    """... one to rest, for want of a plan or at its goal."""
 
 
 @dataclass(slots=True)
@@ -100,13 +100,13 @@ class CommandHistory:
             known = min(len(part), len(before.given))
             part[len(part) - known :] = before.given[len(before.given) - known :]
 
-    def remember(self, command: Array, motion: Array | None = None, planned: bool = False) -> None:
+    def remember(self, command: Array, motion: Array | None = None, braked: bool = False) -> None:
         """Take in the command (2,) that is sent now, and the motion (T, 2) that it begins."""
         self.command, self.motion, self.driven = command.copy(), motion, None
         self._see_curvature()
         if self.measured is not None:
             what = self.measured, self.command, self.commands.copy()
-            self.driven = DrivenPeriod(*what, planned, motion is not None and not planned)
+            self.driven = DrivenPeriod(*what, motion is not None, braked)
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[:-1] = earlier[1:]

@@ -125,7 +125,7 @@ class Innovation:
         )
         agrees = _within(size, bounds)
         if not doubted and (agrees or not options.agreement):
-            if was_seen and (before.planned or before.braked):
+            if was_seen and before.safe:
                 state.error = pose - step
             return None
         # what happens from pose to pose then tells nothing of the floor
