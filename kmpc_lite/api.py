@@ -13,8 +13,7 @@ from kmpc_lite.model.dictionary import (
     InputHistoryDictionary,
     UnicycleDictionary,
 )
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_omni, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel, nominal_omni, nominal_unicycle
 
 if typing.TYPE_CHECKING:
     from kmpc_lite.embedded import *

@@ -24,8 +24,7 @@ from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.safety.places import default_socket, is_latched
 from firmware_bridge.sensors.sensor_driver import autopilot_of, placed
-from kmpc_lite.cli.command import Command, positive
-from kmpc_lite.cli.output import paint
+from kmpc_lite.cli.command import Command, paint, positive
 
 PREARM = 1.0
 """How long an autopilot may take to say what keeps it from arming [s]."""

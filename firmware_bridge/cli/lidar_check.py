@@ -15,7 +15,7 @@ from firmware_bridge.runtime.timing import listen
 from firmware_bridge.sensors.sensor_driver import placed
 
 if TYPE_CHECKING:
-    from firmware_bridge.sensors.scan import Scan
+    from firmware_bridge.sensors.sight import Scan
     from firmware_bridge.sensors.sighted import SightedDriver
     from kmpc_lite.scenario.world import World
 

@@ -21,9 +21,8 @@ from firmware_bridge.integration.course import Course, beyond, course
 from firmware_bridge.integration.recording import recorder_of, recording_to
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS, TOPICS, Robot, load_robot
-from kmpc_lite.cli.command import Command, need, positive
+from kmpc_lite.cli.command import Command, command_line, need, positive
 from kmpc_lite.cli.options import add_clearance, add_goal_options, drive_overrides, split_settings
-from kmpc_lite.cli.output import command_line
 
 if TYPE_CHECKING:
     from firmware_bridge.ros2.driver import Ros2Driver

@@ -25,9 +25,8 @@ from firmware_bridge.integration.showing import Showing
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import SECTIONS
 from firmware_bridge.safety.places import default_socket
-from kmpc_lite.cli.command import Command, positive
+from kmpc_lite.cli.command import Command, command_line, positive
 from kmpc_lite.cli.options import add_clearance, add_goal_options, drive_overrides, split_settings
-from kmpc_lite.cli.output import command_line
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -43,7 +43,7 @@ class Driver(Protocol):
 class Autopilot(Driver, Protocol):
     """A driver of a board that decides whom it obeys, estimates its pose, and says why it does not.
 
-    `firmware_bridge.sensors.sensor_driver.autopilot_of` finds it beneath sensors.
+    `firmware_bridge.sensors.sighted.autopilot_of` finds it beneath sensors.
     """
 
     def take(self) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from firmware_bridge.drivers.ticking import TickingDriver
+from firmware_bridge.drivers.motor_board import TickingDriver
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import CobsFrames, cobs_frame

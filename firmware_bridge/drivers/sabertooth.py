@@ -10,7 +10,7 @@ import math
 import time
 from dataclasses import dataclass
 
-from firmware_bridge.drivers.ticking import TickingDriver
+from firmware_bridge.drivers.motor_board import TickingDriver
 from firmware_bridge.kinematics import Geometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State

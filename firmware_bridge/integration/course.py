@@ -342,7 +342,7 @@ def _by_lidar(moment: Moment) -> tuple[list[Any], Any] | None:
 
 
 def laser_scan(scan: Any) -> Any:
-    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.scan.Scan`).
+    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.sight.Scan`).
 
     Its age is zero: the mount already says where the sensor was, as seen from the step's pose.
     """

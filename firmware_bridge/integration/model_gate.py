@@ -55,7 +55,7 @@ def fit_for(robot: Robot, model: kl.KoopmanModel, name: str) -> tuple[Robot, lis
 
 def _other_vehicle(robot: Robot, info: Mapping[str, Any]) -> list[str]:
     """Why the model is another vehicle's, if it is."""
-    from kmpc_lite.learn.provenance import differences
+    from kmpc_lite.learn.learning import differences
 
     different = differences(info.get("vehicle", {}), robot.vehicle)
     if not different:

@@ -94,7 +94,7 @@ class DriveRecorder:
         self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
     ) -> None:
         """Take in one tick of the loop."""
-        from firmware_bridge.recording.drive.records import Gate, Health, PoseSeen, Sent
+        from firmware_bridge.recording.drive.schemas import Gate, Health, PoseSeen, Sent
 
         if state is not None and state.stamp > self._stamps[-1]:
             self._stamps.append(state.stamp)
@@ -118,7 +118,7 @@ class DriveRecorder:
 
     def planned(self) -> None:
         """Look behind the plan, in the same thread, once its command is on its way."""
-        from firmware_bridge.recording.drive.records import Stepped
+        from firmware_bridge.recording.drive.schemas import Stepped
         from firmware_bridge.recording.drive.seen import counted
 
         if self._plan is None:
@@ -132,7 +132,7 @@ class DriveRecorder:
 
     def finish(self, report: dict[str, Any]) -> None:
         """Note how the drive ended."""
-        from firmware_bridge.recording.drive.records import Ended
+        from firmware_bridge.recording.drive.schemas import Ended
 
         outcome = "timeout" if report["arrived_after_s"] is None else "reached"
         errors = report["position_error_m"], report["heading_error_rad"]

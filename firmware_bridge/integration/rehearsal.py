@@ -57,7 +57,7 @@ def known_rehearsal(robot: Robot) -> tuple[bool, str] | None:
 
     Raises ConfigError for a record that is none.
     """
-    from kmpc_lite.learn.provenance import differences
+    from kmpc_lite.learn.learning import differences
 
     model = robot.control.model
     if model is None or not (file := record_file(model)).exists():

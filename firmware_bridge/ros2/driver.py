@@ -15,10 +15,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from firmware_bridge.kinematics import curvature_of
 from firmware_bridge.messages import LinkError, LinkStatus, State
-from firmware_bridge.ros2.geometry import Place, Transforms, place_of, seconds
+from firmware_bridge.ros2.geometry import Place, PoseInput, Transforms, place_of, seconds
 from firmware_bridge.ros2.obstacles import GridInput, ScanInput
 from firmware_bridge.ros2.options import Ros2Options
-from firmware_bridge.ros2.pose import PoseInput
 from firmware_bridge.wheels import Wheels
 
 QUIET = 1.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_bridge.ros2.geometry import LEVEL, Lookup, Place, place_of
 from firmware_bridge.ros2.options import Ros2Options
-from firmware_bridge.safety.gate_inputs import GRACE
+from firmware_bridge.safety.gate_table import GRACE
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.occupancy import OccupancyGrid

@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 from firmware_bridge.messages import STILL, LinkStatus, Speeds, State, VelocityCommand
-from firmware_bridge.safety.gate_inputs import LostPose, Slowing, judge
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import (
     BY_STATE,
@@ -22,7 +21,10 @@ from firmware_bridge.safety.gate_table import (
     Action,
     Event,
     GateState,
+    LostPose,
     Reason,
+    Slowing,
+    judge,
 )
 
 LONGEST_RISE = 0.05

@@ -11,9 +11,8 @@ from firmware_bridge.messages import LidarError, LinkError, LinkStatus, State
 from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.lidar import Lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from firmware_bridge.sensors.scan import FrozenScan, Sweep
 from firmware_bridge.sensors.sensor_driver import SensorDriver
-from firmware_bridge.sensors.sight import Sight
+from firmware_bridge.sensors.sight import FrozenScan, Sight, Sweep
 
 
 def with_lidar(driver: Driver, options: LidarOptions) -> SightedDriver:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import Gains
+from kmpc_lite.adaptation.steps import Gains
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.symmetric import find_trigonometry

@@ -28,8 +28,7 @@ from kmpc_lite.adaptation.gains import (
     residual_covariance,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import STEP, AdaptationCounts, AdaptationState, Gains
-from kmpc_lite.adaptation.steps import Steps
+from kmpc_lite.adaptation.steps import STEP, AdaptationCounts, AdaptationState, Gains, Steps
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel

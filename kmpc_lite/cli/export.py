@@ -35,8 +35,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the folder, and say what it takes."""
     from kmpc_lite.control.options import ControllerOptions
     from kmpc_lite.embedded.folder import export
-    from kmpc_lite.model.koopman import KoopmanModel
-    from kmpc_lite.model.nominal import nominal_unicycle
+    from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 
     if options.model == NOMINAL:
         model = nominal_unicycle(options.dt or 0.1)

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import kmpc_lite as kl
-from kmpc_lite.cli.command import Command, positive
+from kmpc_lite.cli.command import Command, keep_inputs, positive
 from kmpc_lite.cli.options import add_force, add_log_options, read_options
-from kmpc_lite.cli.output import keep_inputs
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
@@ -64,9 +63,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit the logs, print the held-out errors, write the model."""
-    from kmpc_lite.learn.learning import learn
+    from kmpc_lite.learn.learning import learn, read_vehicle
     from kmpc_lite.learn.loading import load_logs
-    from kmpc_lite.learn.provenance import read_vehicle
 
     keep_inputs(options.output, *options.log)
     vehicle = read_vehicle(options.log, options.vehicle)

@@ -8,9 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kmpc_lite.cli.command import Command, need, part
+from kmpc_lite.cli.command import Command, keep_inputs, need, paint, part
 from kmpc_lite.cli.options import add_log_options, read_options
-from kmpc_lite.cli.output import keep_inputs, paint
 
 if TYPE_CHECKING:
     from kmpc_lite.learn.loading import Findings

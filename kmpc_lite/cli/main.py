@@ -17,8 +17,14 @@ from collections.abc import Sequence
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from kmpc_lite.cli.command import UsageError, build_parser, known_commands, missing_extra  # noqa: E402
-from kmpc_lite.cli.output import clear_line, paint  # noqa: E402
+from kmpc_lite.cli.command import (  # noqa: E402  # noqa: E402
+    UsageError,
+    build_parser,
+    clear_line,
+    known_commands,
+    missing_extra,
+    paint,
+)
 from kmpc_lite.errors import KmpcError  # noqa: E402
 
 LONGEST_LINE = 1000

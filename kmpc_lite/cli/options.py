@@ -74,7 +74,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
 
     Raises DataError for what cannot be understood.
     """
-    from kmpc_lite.cli.output import ProgressBar
+    from kmpc_lite.cli.command import ProgressBar
     from kmpc_lite.learn.logs import ReadOptions
 
     return ReadOptions(

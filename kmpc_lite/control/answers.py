@@ -14,7 +14,7 @@ import re
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import SPREAD_RATE
+from kmpc_lite.control.kernels.records import SPREAD_RATE
 from kmpc_lite.control.limits import reached_speeds
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import GuidanceOptions

@@ -14,14 +14,13 @@ from kmpc_lite.control import settings as settings_of
 from kmpc_lite.control.clock import StepClock
 from kmpc_lite.control.estimate.expected_errors import LatenessState
 from kmpc_lite.control.estimate.history import CommandHistory, whole_age
-from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.limits import check_motion, following, movable
 from kmpc_lite.control.nmpc.qp_solvers import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.now import Admission
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
-from kmpc_lite.control.pipeline import Pipeline
+from kmpc_lite.control.pipeline import Pipeline, make_guide
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState

@@ -1,21 +1,124 @@
-"""What follows from the learned model, and from the one in use where adaptation corrected it."""
+"""What follows from problem and model: both in the robot's units (`kmpc_lite.scale`), and margins.
+
+Weights that a problem does not give are chosen here.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from kmpc_lite.control.kernels.predictor import motion_in_units
 from kmpc_lite.control.margins import Margins
 from kmpc_lite.control.options import ControllerOptions, fastest
-from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.units import scaled_problem, with_goal_weights, with_tracking_weights
+from kmpc_lite.control.problem import GOAL_Q, GOAL_R, NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.scale import Scale
+from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.capabilities import Capabilities
+
+TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
+"""Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
+end."""
+CHANGE_WEIGHT, CHANGE_TIME = 0.03, 0.1
+"""What a change of a command by its bound within so long [s] costs: half a period at full speed. A
+command that jumps to and fro gains nothing that is worth it."""
+CORRECTION_TURNS = 2.0
+"""How many full turns' time an error is taken to last that the robot comes to its goal with. It
+cannot move sideways: it turns aside, drives, turns back, and may have to do that again. Half and
+twice as much time arrive about as soon."""
+
+
+def with_goal_weights(problem: NavigationProblem) -> NavigationProblem:
+    """Return the problem with the paper's weights where it gives none: of the goal itself."""
+    return _filled(problem, GOAL_Q, GOAL_R, np.zeros((STATES, STATES)))
+
+
+def with_tracking_weights(
+    problem: NavigationProblem, gains: tuple[float, float] = (1.0, 1.0)
+) -> NavigationProblem:
+    """Return the problem with the weights of a guided reference where it gives none.
+
+    What a plan leaves at the goal costs as much as it would for all the time that it takes to make
+    it good: `Q_terminal` is Q for so many periods. A quadratic cost of the way alone arrives beside
+    the goal (Müller and Worthmann 2017, "Quadratic costs do not always work in MPC").
+
+    `problem`: in the robot's units. `gains`: speed and rate of turn that a robot reaches, as shares
+    of what it is told: what is weighed is the motion, and a robot that turns by a third of what it
+    is told needs three times the command for it.
+    """
+    q = np.diag(TRACKING_Q) if problem.Q is None else problem.Q
+    r = TRACKING_R[0] * gains[0] ** 2, TRACKING_R[1] * gains[1] ** 2
+    turn_rate = gains[1] * fastest(problem)[1]
+    periods = CORRECTION_TURNS * math.tau / turn_rate / problem.dt
+    # the same acceleration costs the same whatever the period
+    bounds = np.maximum(problem.u_max, -problem.u_min)
+    change = CHANGE_WEIGHT * (CHANGE_TIME / (problem.dt * bounds)) ** 2
+    return _filled(problem, q, r, periods * q, change)
+
+
+def _filled(
+    problem: NavigationProblem,
+    q: ArrayLike,
+    r: tuple[float, ...],
+    terminal: ArrayLike,
+    change: ArrayLike | None = None,
+) -> NavigationProblem:
+    # sideways as ahead
+    between = [r[0]] * (len(problem.u_min) - len(r))
+    r = (r[0], *between, *r[1:])
+    return replace(
+        problem,
+        Q=q if problem.Q is None else problem.Q,
+        R=r if problem.R is None else problem.R,
+        R_change=change if problem.R_change is None else problem.R_change,
+        Q_terminal=terminal if problem.Q_terminal is None else problem.Q_terminal,
+    )
+
+
+def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProblem:
+    """Give the same problem in units: weights too, so that its solution is the same.
+
+    Weights that the user left out stay left out: their defaults are told in units.
+    """
+    if scale.is_one:
+        return problem
+    state, command = scale.state, scale.command
+
+    def weight(value: Array | None, factors: Array) -> Array | None:
+        return None if value is None else value * factors * factors[:, None]
+
+    slack, near = problem.slack_weights, problem.goal_tolerance
+    return replace(
+        problem,
+        dt=problem.dt / scale.time,
+        Q=weight(problem.Q, state),
+        R=weight(problem.R, command),
+        R_change=weight(problem.R_change, command),
+        Q_terminal=weight(problem.Q_terminal, state),
+        u_min=problem.u_min / command,
+        u_max=problem.u_max / command,
+        x_min=problem.x_min / state,
+        x_max=problem.x_max / state,
+        robot_radius=problem.robot_radius / scale.length,
+        footprint=None if problem.footprint is None else problem.footprint.scaled(scale.length),
+        margin=problem.margin / scale.length,
+        deceleration=problem.deceleration / scale.acceleration,
+        du_max=problem.du_max / scale.acceleration,
+        slack_weights=slack * (scale.length, scale.length**2),
+        track=problem.track / scale.length,
+        sensor_range=None if problem.sensor_range is None else problem.sensor_range / scale.length,
+        goal_tolerance=None if near is None else near / state[1:],
+        max_wheel_speed=problem.max_wheel_speed / scale.speed,
+        wheels=problem.wheels.in_units(scale),
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

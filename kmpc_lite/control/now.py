@@ -16,7 +16,7 @@ from kmpc_lite.control.input_checks import (
     is_plausible,
     step_numbers,
 )
-from kmpc_lite.control.kernels.clearance import COLUMNS, SPREAD_RATE, things_of
+from kmpc_lite.control.kernels.records import COLUMNS, SPREAD_RATE, things_of
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.scene import Obstacles, Scene
 from kmpc_lite.geometry import nearest_turn
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from kmpc_lite.control.margins import FeltNoise
     from kmpc_lite.control.path.situation import Guidance
     from kmpc_lite.control.state import ControllerState
+    from kmpc_lite.control.world.sight import View
     from kmpc_lite.control.world.solids import Nearby, Solids
-    from kmpc_lite.control.world.view import View
 
 
 @dataclass(slots=True)

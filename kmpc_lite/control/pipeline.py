@@ -3,11 +3,19 @@
 The pipeline holds what follows from problem and options. What a step was given, what a drive has to
 remember and what follows from the model is in `Now`, which every phase gets. All numbers are in the
 robot's units.
+
+A robot that answers late goes on for a while as earlier commands, and the last plan, told it. What
+is decided now acts after that: its path is looked up from there, not from where it is. A reference
+from where it is would lie behind what the robot can do, and ask it to make up for that at full
+speed; one from where it would come to if nothing followed would make a slow robot of one whose
+motors lag.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,26 +24,204 @@ from kmpc_lite.control.answers import Answers, StandstillWatch
 from kmpc_lite.control.clock import LEAST_AFTER_SOLVE, longest_lately
 from kmpc_lite.control.estimate.expected_errors import Lateness
 from kmpc_lite.control.estimate.history import advance_pose
-from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.guiding import Guiding
+from kmpc_lite.control.estimate.innovation import Innovation, InnovationState, estimate
+from kmpc_lite.control.kernels.records import VELOCITY, later
 from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
-from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
+from kmpc_lite.control.path.situation import GuideTask
+from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus, Task
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.safe_motion import SafeMotions
-from kmpc_lite.control.task import Task
-from kmpc_lite.control.verification import Fallback, Verification, Verified
-from kmpc_lite.control.watching import Watching
-from kmpc_lite.control.world.scene import Scene
-from kmpc_lite.control.world.surroundings import Surroundings
+from kmpc_lite.control.safe_motion import Fallback, SafeMotions, Verification, Verified
+from kmpc_lite.control.world.scene import Scene, Surroundings
+from kmpc_lite.control.world.tracks import TrackedCircles
+from kmpc_lite.geometry import wrap
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.scale import Scale
+from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
+    from kmpc_lite.control.path.planner import Planner
     from kmpc_lite.control.path.situation import Guidance
+
+
+class Guiding:
+    """Asks the guide for the reference of a step.
+
+    `units`: in the robot's units. `guide`: finds paths.
+    """
+
+    def __init__(self, units: NavigationProblem, guide: Guide | None) -> None:
+        self._guide, self._dt = guide, units.dt
+        self._inflation, self._stages = units.inflation, units.horizon + 1
+        self._rates = RateLimit(units)
+        self._deceleration = units.deceleration[[0, -2 if units.wheels.inputs > INPUTS else 0, -1]]
+
+    def reference(self, now: Now, until: float) -> Guidance | None:
+        """Find the reference along a path; none without guidance.
+
+        A search is left to the next step at a time `until` [s].
+        """
+        state, known = now.state, now.known
+        if self._guide is None or state.guide is None or known.capabilities is None:
+            return None
+        late, things = known.capabilities.late, now.things
+        led = now.here[None]
+        if late:
+            going_on = np.zeros((late, known.model.inputs))
+            if state.trajectory is not None:
+                planned = state.trajectory.inputs[1 : late + 1]
+                going_on[: len(planned)] = planned
+            led = known.model.rollout(now.here, going_on, state.history.commands)
+        here = led[-1]
+        if late:
+            things = later(things, late * self._dt)
+        rest = None
+        if late or self._rates.active:
+            history = state.history
+            still = np.zeros((known.model.history, known.model.inputs))
+            braking = np.concatenate([self._rates.ramp(history.command), still])
+            rest = known.model.rollout(now.here, braking, history.commands)[-1]
+        heading, known_rest = float(now.here[2]), rest is not None
+        rolls_on = state.history.brakes(heading, self._deceleration, known_rest)
+        if now.rolls_on is not None:
+            rolls_on += now.rolls_on
+        task = GuideTask(
+            pose=here,
+            goal=now.goal,
+            rolls_on=rolls_on,
+            circles=things,
+            solids=now.solids,
+            rest=rest,
+            until=until,
+            view=now.view,
+            speed=float(speeds(state.history.command)[0]),
+            curvature=state.history.curvature,
+        )
+        guidance = self._guide.reference(state.guide, known.capabilities, task)
+        states = guidance.states
+        if late:
+            states = np.concatenate([led[:-1], states])[: len(states)]
+        kept = state.guide.kept_on_the_way(states, self._inflation)
+        return guidance._replace(states=states, path_clearance=kept)
+
+    def towards_goal(self, now: Now) -> Array:
+        """Give the goal itself as the reference (N + 1, 3), as in the paper, without guidance."""
+        here, goal, before = now.here, now.goal, now.state.turn
+        turn = wrap(float(goal[2] - here[2]))
+        # near a half turn, the side of the step before is kept
+        if abs(turn) > 0.75 * math.pi and turn * before < 0.0 and abs(before) > 0.5 * math.pi:
+            turn -= math.copysign(math.tau, turn)
+        now.state.turn = turn
+        return np.tile(np.array([goal[0], goal[1], here[2] + turn]), (self._stages, 1))
+
+
+def make_guide(
+    units: NavigationProblem,
+    options: ControllerOptions,
+    clock: Callable[[], float],
+    planner: Planner | None,
+    scale: Scale,
+) -> Guide:
+    """Make the guide of a robot; arguments in its units, but for the clock [s] and the planner."""
+    # here, for its graph search costs as much to import as all the rest
+    from kmpc_lite.control.path.guide import Guide
+    from kmpc_lite.control.path.planner import InMetres
+
+    own = None if planner is None else InMetres(planner, scale)
+    moving = options.moving_obstacles
+    return Guide(units, options.guidance, moving, clock, own)
+
+
+class Watching:
+    """Looks around before a step is planned."""
+
+    def __init__(
+        self,
+        units: NavigationProblem,
+        scale: Scale,
+        options: ControllerOptions,
+        reach: float,
+        answers: Answers,
+    ) -> None:
+        # here, for importing the package has no need of them, and no step has time to
+        from kmpc_lite.control.world.sight import ScanWatch, Sight, View
+        from kmpc_lite.control.world.tracking import Tracking
+
+        self._answers, self._dt = answers, units.dt
+        self._innovation = Innovation(units, options.pose)
+        self._sight = Sight(units, scale, options.sight, reach)
+        self._view = partial(View, self._sight)
+        self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
+        self._tracking = Tracking(units, options)
+        self._weighs = options.pose.weighed
+
+    def watch(self, now: Now) -> None:
+        """Compare pose and circles with what was expected of them.
+
+        A pose that has jumped stops the robot, and the predicted one is put in its place; so do
+        scanners that tell nothing any more. Circles are followed (`Tracking`), but for a controller
+        without margins, as the paper's, which believes what is given.
+        """
+        state, known = now.state, now.known
+        pose = now.pose if now.pose_is_known else None
+        if known.margins is None:
+            state.history.measured = pose
+            return
+        if now.pose_is_known and (now.scans or state.scans is not None):
+            self._look_out(now)
+        found, size = state.innovation, known.margins.noise.pose_errors
+        instead = self._innovation.see(found, state.history, known.model, size, pose)
+        last, found.estimate = found.estimate, None
+        if instead is not None:
+            state.circles.pose_jumped()
+            now.pose = instead
+            now.refusal = now.refusal or self._answers.jump(found.jump)
+            return
+        if found.elsewhere:
+            # the poses stay where they jumped to: what scans showed lies elsewhere now
+            state.seen, state.scans, state.circles = None, None, TrackedCircles()
+        noise = known.margins.noise.of_pose(found) if self._weighs and pose is not None else None
+        if noise is not None:
+            found.estimate = estimate(last, state.history.driven, known.model, *noise, now.pose)
+            now.measured = now.measured + (found.estimate.pose - now.pose)
+            now.pose = found.estimate.pose
+        measured = now.measured if now.pose_is_known else None
+        driven = abs(float(state.history.command[0])) * self._dt
+        around = self._tracking.see(
+            state.circles, now.things, now.scans, measured, state.seen, size[0], driven
+        )
+        now.things, now.scanned, now.perhaps = around.things, around.walking, around.perhaps
+
+    def _look_out(self, now: Now) -> None:
+        """Leave out scans that come again; refuse to drive blind."""
+        state = now.state
+        if state.scans is None:
+            from kmpc_lite.control.world.sight import ScanWatchState
+
+            state.scans = ScanWatchState()
+        # what is carried along moves, and is neither a pedestrian nor a scanner that hangs
+        scans = self._sight.without_robot(now.scans)
+        now.scans, blind = self._scans.see(state.scans, scans, now.measured)
+        now.refusal = now.refusal or blind
+
+    def look(self, now: Now) -> None:
+        """Look around: what scans show, and what they have shown before."""
+        state, known = now.state, now.known
+        if not now.scans and state.seen is None:
+            return
+        noise = 0.0 if known.margins is None else known.margins.pose_deviation
+        if noise and state.innovation.estimate is not None:
+            noise = state.innovation.estimate.deviation
+        moving = now.things[now.things[:, VELOCITY].any(axis=1)]
+        state.seen = self._sight.look(state.seen, now.scans, now.measured, noise, moving)
+        if state.seen is not None:
+            now.view = self._view(state.seen, now.here)
+            now.nearby = now.view.around(now.nearby)
+
 
 MOTION_TIME = 0.1
 """Over how long the robot's speeds are seen from its poses [s]: noise averages out of more of them,

@@ -55,12 +55,12 @@ class NavigationProblem:
     Q, R : array_like, optional
         Weights of state (3,) and command (2,), or full positive semidefinite matrices. With
         guidance the state's weigh the distance from the guided reference. If not given they are
-        the default of the controller's mode (`kmpc_lite.control.units`): without guidance the
+        the default of the controller's mode (`kmpc_lite.control.knowledge`): without guidance the
         paper's.
     R_change : array_like, optional
         Weight (2,), or a matrix, of a command's change from period to period [1/(m/s)^2,
         1/(rad/s)^2]. If not given it follows from bounds and period with guidance
-        (`kmpc_lite.control.units`), and is zero without, as in the paper.
+        (`kmpc_lite.control.knowledge`), and is zero without, as in the paper.
     Q_terminal : array_like, optional
         Weight of the last state. With guidance it counts by the share of the plan that is at the
         goal; if not given it follows from Q and how fast the robot turns. Without guidance it

@@ -10,7 +10,7 @@ import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import AdaptationState
+from kmpc_lite.adaptation.steps import AdaptationState
 from kmpc_lite.control.estimate.history import oldest_pose
 from kmpc_lite.control.kernels.predictor import motion_in_units
 from kmpc_lite.control.nmpc.qp_solvers import MakeSolver

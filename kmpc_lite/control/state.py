@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.adaptation.state import AdaptationState
+from kmpc_lite.adaptation.steps import AdaptationState
 from kmpc_lite.control.estimate.expected_errors import LatenessState
 from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
@@ -19,7 +19,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.state import GuideState
+    from kmpc_lite.control.path.situation import GuideState
     from kmpc_lite.control.world.local_map import LocalMap
     from kmpc_lite.control.world.sight import ScanWatchState
 
@@ -93,7 +93,7 @@ class ControllerState:
         guide = None
         if guided:
             # here, for guidance costs as much to import as all the rest
-            from kmpc_lite.control.path.state import GuideState
+            from kmpc_lite.control.path.situation import GuideState
 
             guide = GuideState()
         return cls(model, model, history, SceneState(), guide, adaptation=adaptation)

@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lite import __version__
 from kmpc_lite.control import kernels
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
+from kmpc_lite.control.nmpc.qp_solvers import OSQPWorkspace
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.problem import NavigationProblem

@@ -18,8 +18,7 @@ from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
 from kmpc_lite.control.options import ControllerOptions, fastest
 from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.safe_motion import SafeMotions
-from kmpc_lite.control.verification import Verification
+from kmpc_lite.control.safe_motion import SafeMotions, Verification
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary.response import TERMS

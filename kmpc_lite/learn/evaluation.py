@@ -15,8 +15,7 @@ from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.file import Ramps
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_like
+from kmpc_lite.model.koopman import KoopmanModel, nominal_like
 from kmpc_lite.types import Array
 
 Errors = tuple[float, float, float]

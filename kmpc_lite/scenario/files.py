@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
 from kmpc_lite.scenario.bundled import bundled, bundled_file
 from kmpc_lite.scenario.overrides import NO_AREA, area_around
-from kmpc_lite.scenario.places import check_place
 from kmpc_lite.scenario.touch import ARRIVED, Tolerance
 from kmpc_lite.scenario.values import (
     CONTROLLER,
@@ -313,3 +312,49 @@ def learned_wheels(info: Mapping[str, Any]) -> Wheels | None:
     table = info.get("wheels", {})
     told = "turning_radius" in table or table.get("kind") == "omni"
     return read_wheels(table) if told else None
+
+
+def check_place(
+    scenario: Scenario, key: Literal["start", "goal"], pose: tuple[float, float, float]
+) -> None:
+    """Raise ScenarioError if the robot cannot stand at a pose (3,), its start or a goal."""
+    x_min, y_min, x_max, y_max = scenario.bounds
+    x, y, _ = pose
+    where = f"{scenario.name}: [robot] {key}"
+    if scenario.has_area and not (x_min <= x <= x_max and y_min <= y <= y_max):
+        raise ScenarioError(
+            f"{where}: ({x:g}, {y:g}) lies outside the bounds {list(scenario.bounds)}"
+        )
+    if scenario.footprint is not None:
+        _check_footprint(scenario, scenario.footprint, key, np.array(pose))
+        return
+    for i, circle in enumerate(scenario.circles):
+        distance = float(np.hypot(x - circle.x, y - circle.y))
+        moving = circle.vx != 0.0 or circle.vy != 0.0
+        if distance < circle.radius + scenario.radius and not (moving and key == "goal"):
+            raise ScenarioError(
+                f"{where}: ({x:g}, {y:g}) is {distance:g} m from the centre of circle {i}, "
+                f"but the radii add up to {circle.radius + scenario.radius:g} m"
+            )
+    if scenario.solids is not None:
+        gap = float(scenario.solids.whole.least(np.array([[x, y]]))[0])
+        if gap < scenario.radius:
+            raise ScenarioError(
+                f"{where}: ({x:g}, {y:g}) is {gap:g} m from a polygon, wall or grid cell, "
+                f"but the robot's radius is {scenario.radius:g} m"
+            )
+
+
+def _check_footprint(scenario: Scenario, footprint: Footprint, key: str, pose: Array) -> None:
+    # here, since most robots are round
+    from kmpc_lite.scenario.touch import footprint_gaps
+
+    circles = [c for c in scenario.circles if key == "start" or not (c.vx or c.vy)]
+    solids = () if scenario.solids is None else scenario.solids.solids
+    rows = np.array(circles, dtype=float).reshape(1, -1, 5)
+    gap = float(footprint_gaps(footprint, pose[None], rows, solids)[0])
+    if gap < 0.0:
+        raise ScenarioError(
+            f"{scenario.name}: [robot] {key}: at ({pose[0]:g}, {pose[1]:g}, {pose[2]:g}) the "
+            f"footprint overlaps an obstacle by {-gap:g} m"
+        )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.kernels.clearance import distances, things_of
+from kmpc_lite.control.kernels.records import distances, things_of
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 

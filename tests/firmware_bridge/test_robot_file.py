@@ -1,5 +1,7 @@
 """Robot files: what they hold, and the one line that tells what is wrong."""
 
+from __future__ import annotations
+
 import textwrap
 from pathlib import Path
 
@@ -9,9 +11,10 @@ from firmware_bridge.integration.course import course
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_checks import check_period
-from firmware_bridge.robot_file import load_robot
+from firmware_bridge.robot_file import SECTIONS, ControlOptions, LinkOptions, load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.gate_table import diagram, legend
 from kmpc_lite import Footprint
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
@@ -170,3 +173,24 @@ def test_a_period_must_leave_room_for_one_late_plan():
     with pytest.raises(ConfigError, match="control.period"):
         check_period(0.17, GateSettings())
     check_period(1.0, GateSettings(watchdog=1.5))
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+BRIDGE = (DOCS / "howto" / "bridge.md").read_text()
+
+
+def test_the_state_machine_in_the_docs_is_the_one_in_the_code():
+    assert f"```mermaid\n{diagram()}\n```" in BRIDGE
+    assert legend() in BRIDGE
+
+
+def test_every_section_and_key_of_a_robot_file_is_named():
+    assert all(f"`[{section}]`" in BRIDGE for section in SECTIONS)
+    for options in (LinkOptions, ControlOptions):
+        assert all(f"`{name}`" in BRIDGE for name in options.__dataclass_fields__)
+    assert all(f"`{name}`" in BRIDGE for name in GateSettings().limits.__dataclass_fields__)
+    assert all(
+        f"`{name}`" in BRIDGE
+        for name in GateSettings.__dataclass_fields__
+        if name not in ("limits", "pilot")
+    )

@@ -6,7 +6,7 @@ import numpy as np
 
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.encoder import DriveEncoder
-from firmware_bridge.recording.drive.records import (
+from firmware_bridge.recording.drive.schemas import (
     Ended,
     Gate,
     Health,

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import kmpc_lite as kl
-from kmpc_lite.control.kernels.clearance import things_of
+from kmpc_lite.control.kernels.records import things_of
 from kmpc_lite.control.path.capabilities import Capabilities, capabilities
 from kmpc_lite.control.path.guide import Guide
-from kmpc_lite.control.path.situation import Guidance, GuideTask
-from kmpc_lite.control.path.state import GuideState
+from kmpc_lite.control.path.situation import Guidance, GuideState, GuideTask
 
 
 class GuidedController(kl.Controller):

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPData, QPSolution, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import OSQPWorkspace, QPData, QPSolution, QPStatus
 
 EXACT: dict[str, Any] = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
 

@@ -10,12 +10,12 @@ from reference import kernels
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.kernels.clearance import things_of
+from kmpc_lite.control.kernels.records import things_of
 from kmpc_lite.control.margins import FeltNoise, Margins
 from kmpc_lite.control.options import MarginOptions, StopOptions
+from kmpc_lite.control.plan import Task
 from kmpc_lite.control.safe_motion import SafeMotion, SafeMotions
-from kmpc_lite.control.task import Task
-from kmpc_lite.control.world.surroundings import Surroundings
+from kmpc_lite.control.world.scene import Surroundings
 
 PROBLEM = kl.NavigationProblem()
 CIRCLES = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])

@@ -1,5 +1,7 @@
 """Files of strangers are read in bounded time and memory, or refused in one line."""
 
+from __future__ import annotations
+
 import errno
 import os
 import time
@@ -7,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import kmpc_lite as kl
+from kmpc_lite.errors import KmpcError
 from kmpc_lite.reading import MAX_TOML_VALUES, open_regular, parse_toml, read_bytes, text_lines
 
 
@@ -73,3 +77,9 @@ def test_toml_that_would_take_hours_or_memory_is_refused(text: str, told: str) -
         parse_toml(text)
     assert "\n" not in str(error.value)
     assert time.process_time() - begun < 5.0
+
+
+@pytest.mark.parametrize("kind", [KmpcError, kl.DataError, kl.ScenarioError])
+def test_a_name_with_a_line_break_breaks_no_message(kind):
+    told = str(kind("message ve\nicle\x1b[2J: expected µm"))
+    assert told == "message ve\\nicle\\x1b[2J: expected µm"

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import osqp
 
-from kmpc_lite.control.nmpc.osqp_workspace import SOLVED, OSQPWorkspace, osqp_settings
 from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.nmpc.qp_solvers import SOLVED, OSQPWorkspace, osqp_settings
 from kmpc_lite.control.options import OSQPOptions
 from kmpc_lite.types import Array
 

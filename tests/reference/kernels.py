@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import distances
-from kmpc_lite.control.kernels.records import TINY, leg_end, poses_at
+from kmpc_lite.control.kernels.records import TINY, distances, leg_end, poses_at
 from kmpc_lite.control.world.occupancy import away
 from kmpc_lite.model.tube import MEMORY, Carried, closed_loop, rotations
 

@@ -18,7 +18,7 @@ from kmpc_lite.control.kernels.tracks import (
     UNSEEN,
 )
 from kmpc_lite.control.world.local_map import window_between
-from kmpc_lite.control.world.rays import numbers_of
+from kmpc_lite.control.world.scan import numbers_of
 
 FEWEST, PLACES = 3, 2
 ITSELF = np.eye(STATES)

@@ -17,12 +17,23 @@ from firmware_bridge.drivers.mavlink.authority import (
 )
 from firmware_bridge.drivers.mavlink.clock import VehicleClock
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
-from firmware_bridge.drivers.mavlink.commands import PREARM_CHECKS, CommandDesk, Due, Greeting
-from firmware_bridge.drivers.mavlink.messages import MessageBuilder
+from firmware_bridge.drivers.mavlink.commands import (
+    PREARM_CHECKS,
+    CommandDesk,
+    Due,
+    Greeting,
+    MessageBuilder,
+)
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.status_text import StatusTexts, tells_failsafe, vehicle_status
 from firmware_bridge.drivers.mavlink.streams import StreamRequests, wanted_streams
-from firmware_bridge.drivers.mavlink.telemetry import FrameWatch, MocapFeed, PoseTracker
+from firmware_bridge.drivers.mavlink.telemetry import (
+    FrameWatch,
+    MocapFeed,
+    PoseTracker,
+    StatusTexts,
+    tells_failsafe,
+    vehicle_status,
+)
 from firmware_bridge.messages import LinkStatus, State
 
 Lock = AbstractContextManager[Any]

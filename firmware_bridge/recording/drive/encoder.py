@@ -12,7 +12,9 @@ import numpy as np
 from firmware_bridge.recording.drive import foxglove
 from firmware_bridge.recording.drive.foxglove import stamp
 from firmware_bridge.recording.drive.mcap_writer import McapWriter, Message
-from firmware_bridge.recording.drive.records import (
+from firmware_bridge.recording.drive.scene import map_scene, step_scene
+from firmware_bridge.recording.drive.schemas import (
+    TOPICS,
     Ended,
     Gate,
     Health,
@@ -23,8 +25,6 @@ from firmware_bridge.recording.drive.records import (
     Stepped,
     TruePose,
 )
-from firmware_bridge.recording.drive.scene import map_scene, step_scene
-from firmware_bridge.recording.drive.schemas import TOPICS
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 

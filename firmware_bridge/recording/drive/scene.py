@@ -8,7 +8,7 @@ import numpy as np
 
 from firmware_bridge.recording.drive import foxglove as fg
 from firmware_bridge.recording.drive.foxglove import LOOP, ROBOT, Content, box, colour, entity, line
-from firmware_bridge.recording.drive.records import Stepped
+from firmware_bridge.recording.drive.schemas import Stepped
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.outlines import corners_of
 from kmpc_lite.control.world.scene import Solid

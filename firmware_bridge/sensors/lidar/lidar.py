@@ -18,7 +18,7 @@ import numpy as np
 
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
-from firmware_bridge.sensors.scan import Sweep
+from firmware_bridge.sensors.sight import Sweep
 
 LONGEST = 8192
 """A turn of more beams is none: a sensor whose angle does not advance, or a flood."""

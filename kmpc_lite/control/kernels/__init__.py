@@ -1,6 +1,6 @@
 """The numeric functions of a step, in C: C-contiguous float64 arrays in, arrays out.
 
-`library` and `scan_library` describe and call them; the other modules have what stands around them
+`library` describes and calls them; the other modules have what stands around them
 in Python. `pip install` builds them with any C compiler; an exported controller runs the same
 files. Naive references of them are in the tests.
 """

@@ -1,6 +1,12 @@
-"""The kernels in C for plans, paths and the margins of a stop."""
+"""The kernels in C, called with arrays that they check: of plans, paths, stops, scans and tracks.
+
+Sizes: a map of H by W cells, at most 400 by 400.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +16,7 @@ from kmpc_lite.control.kernels.records import (
     NOISE_ARRAYS,
     SLOWER,
     Around,
+    Bits,
     Brakes,
     Iterate,
     KeepOut,
@@ -19,10 +26,180 @@ from kmpc_lite.control.kernels.records import (
     PlanMargins,
     Timed,
 )
-from kmpc_lite.control.kernels.scan_library import Bits
-from kmpc_lite.control.kernels.scan_library import dense as _dense
 from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.types import STATES, Array
+
+Cells = NDArray[np.int8]
+Singles = NDArray[np.float32]
+dense: Callable[[Array], Array] = partial(np.ascontiguousarray, dtype=np.float64)
+"""Array as the kernels take it: float64, row by row."""
+
+
+def clusters(
+    reach: Array,
+    ends: Array,
+    hits: Bits,
+    clear: Bits,
+    mount: Array,
+    step: float,
+    gap: float,
+    largest: float,
+) -> Array:
+    """Circles (K, 3) of what stands free: nothing nearer hides its left or its right side.
+
+    Beams that tell nothing are left out. What is seen of a wall past a nearer thing moves with the
+    robot, and is no cluster.
+
+    `reach`: (B,) how far each beam saw nothing [m]. `ends`: (B, 2) where it ends in the robot's
+    frame [m]. `hits`, `clear`: (B,) whether it hit something, and whether it saw that nothing is
+    there. `mount`: (2,) the scanner in the robot's frame [m]. `step`: angle from beam to beam
+    [rad]. `gap`: distance between neighbouring hits beyond which another cluster begins [m].
+    `largest`: largest radius of a cluster [m]. Returns (K, 3) rows x, y, radius [m] in the robot's
+    frame.
+    """
+    beams = len(reach)
+    out, count = np.empty((beams // 3 + 1, 3)), np.empty(1, dtype=np.intc)
+    own = dense(reach), dense(ends), hits, clear, dense(mount)
+    c.clusters(*own, np.empty(beams, dtype=np.intc), out, count, step, gap, largest)
+    return out[: count[0]]
+
+
+def follow(
+    tracks: Array, circles: Array, sources: Array, *numbers: float
+) -> tuple[Array, NDArray[np.intc]]:
+    """Bring tracks to the next period, with the circles that are seen then.
+
+    Circles that are farther than the gate from where a track expects them may be its all the same
+    if it turned round: then its velocity may be any of the same pace.
+
+    `tracks`: (M, 39). `circles`, `sources`: (N, 5) and (N,) which sensor sees each: a track is that
+    of one sensor. `dt`: period [s]. `memory`: how long turns last [s]. `acceleration`: standard
+    deviation of accelerations along each axis [m/s^2]. `turning`: the same of turn rates [rad/s].
+    `noise`: the same of a position along each axis [m]. `other`: the same of the change of velocity
+    of what turned round [m/s]. `gate`, `chance`: squared Mahalanobis distances: of positions that
+    are not a track's any more, and of velocities that differ from the given ones. Returns `after`:
+    (M, 39); `found`: (N,) index of each circle's track; -1 for none.
+    """
+    rows, columns = len(tracks), len(circles)
+    after, found = np.array(tracks, dtype=np.float64), np.empty(columns, dtype=np.intc)
+    room = np.empty(rows * columns + 3 * rows + 2 * columns)
+    indices = np.empty(4 * rows + 3 * columns, dtype=np.intc)
+    c.follow(dense(circles), dense(sources), after, found, room, indices, *numbers)
+    return after, found
+
+
+def told_beams(
+    ranges: Array, along: Array, counts: Bits, mount: Array, least: float, most: float, own: float
+) -> tuple[Bits, Bits, Array, Array]:
+    """Tell what each beam of a scan says.
+
+    `ranges`: (B,) [m]. `along`: (B, 2) unit vectors of the beams in the robot's frame. `counts`:
+    (B,) which beams count. `mount`: (2,) the scanner in the robot's frame [m]. `least`, `most`:
+    ranges that are hits lie between these [m]; the latter itself and infinity say that nothing is
+    there. `own`: hits no farther from the robot's centre are the robot itself [m]. Returns `hits`,
+    `clear`: (B,) which beams hit something, and which saw that nothing is there; `reach`: (B,) how
+    far each saw nothing; zero if it tells nothing [m]; `ends`: (B, 2) where it ends in the robot's
+    frame [m].
+    """
+    beams = len(ranges)
+    kinds = np.empty(beams, dtype=bool), np.empty(beams, dtype=bool)
+    lengths = np.empty(beams), np.empty((beams, 2))
+    given = dense(ranges), dense(along), np.ascontiguousarray(counts), dense(mount)
+    c.told_beams(*given, *kinds, *lengths, least, most, own)
+    return *kinds, *lengths
+
+
+def averaged_ranges(
+    ranges: Array, hits: Bits, step: float, noise: float, half: float
+) -> tuple[Array, Array]:
+    """Average each range with its neighbours on the same surface.
+
+    A surface is known better than one beam tells: the outermost of many noisy hits would lie
+    farther out than the surface, the more so the more beams meet it.
+
+    `ranges`: (B,) [m]. `hits`: (B,) which beams hit something. `step`: angle from beam to beam
+    [rad]. `noise`: standard deviation of a range [m]. `half`: how far along a surface neighbours
+    lie at the most [m]. Returns `averaged`: (B,) ranges, those of other beams as they were [m];
+    `deviations`: (B,) standard deviations of these, as far as they are sure [m].
+    """
+    found = np.empty(len(ranges)), np.empty(len(ranges))
+    c.averaged_ranges(dense(ranges), np.ascontiguousarray(hits), *found, step, noise, half)
+    return found
+
+
+def pass_rays(
+    state: Cells,
+    seen: Singles,
+    extent: Singles,
+    place: tuple[float, int, int],
+    low: tuple[float, float],
+    high: tuple[float, float],
+    origin: tuple[float, float],
+    turn: tuple[float, float],
+    squares: Singles,
+    distance: float,
+    farther: bool,
+    clock: float,
+) -> None:
+    """Take note of what rays passed through (`see_through`); farther away only of what was hit.
+
+    `state`, `seen`, `extent`, `place`, `origin`, `turn`, `squares`, `clock`: as of `see_through`.
+    `low`, `high`: corners of the area that no ray has left [m]. `distance`: from the origin, along
+    each axis, up to which all cells are looked at [m]. `farther`: whether those farther away are
+    looked at.
+    """
+    where = state.shape[1], *place, *low, *high, *origin, *turn
+    c.pass_rays(state, seen, extent, squares, *where, distance, farther, clock)
+
+
+def mark(
+    state: Cells,
+    seen: Singles,
+    extent: Singles,
+    taken: Singles,
+    points: Array,
+    errors: Array,
+    place: tuple[float, int, int],
+    level: int,
+    clock: float,
+) -> None:
+    """Mark the cells of hits (n, 2), which may be off by errors (n,), as occupied.
+
+    `state`, `seen`, `extent`, `place`: as of `see_through`; changed. `taken`: (H, W) when each was
+    hit that was free until then; changed. `points`, `errors`: (n, 2) and (n,) [m]. `level`: state
+    of cells that are occupied. `clock`: now.
+    """
+    cells, width = (state, seen, extent, taken), state.shape[1]
+    c.mark(*cells, dense(points), dense(errors), width, *place, level, clock)
+
+
+def hit_boxes(
+    state: Cells, extent: Singles, window: tuple[int, int, int, int], place: tuple[float, int, int]
+) -> tuple[Array, Array]:
+    """Corners (n, 2), (n, 2) of what was hit in the occupied cells of a window, row by row.
+
+    `state`, `extent`, `window`, `place`: as of `see_through`.
+    """
+    top, bottom, left, right = window
+    most = max(bottom - top, 0) * max(right - left, 0)
+    low, high, count = np.empty((most, 2)), np.empty((most, 2)), np.empty(1, dtype=np.intc)
+    c.hit_boxes(state, extent, low, high, count, state.shape[1], *place, *window)
+    return low[: count[0]].copy(), high[: count[0]].copy()
+
+
+def rectangles(cells: Bits) -> NDArray[np.intc]:
+    """Rectangles (B, 4) of cells (H, W): first column and row, and one past the last of each.
+
+    Each is a run of cells in a row, joined with equal runs of the rows that follow; they come in
+    the order of their first columns, then of their last ones, then of their rows.
+    """
+    height, width = cells.shape
+    most, count = width // 2 + 1, np.empty(1, dtype=np.intc)
+    found = np.empty((height * most, 4), dtype=np.intc)
+    room = np.empty(2 * most, dtype=np.intc)
+    c.rectangles(np.ascontiguousarray(cells), room, found, count, width)
+    return found[: count[0]].copy()
+
 
 NOTHING = np.empty(0)
 NO_NOISE = Noise(NOTHING, NOTHING, NOTHING, NOTHING, 0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
@@ -36,7 +213,7 @@ def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
     """
     motions, sampled, places, _ = points.shape
     out = np.empty((motions, len(times), places, len(things)))
-    c.distances(_dense(things), _dense(points), _dense(times), out, motions, sampled, places)
+    c.distances(dense(things), dense(points), dense(times), out, motions, sampled, places)
     return out
 
 
@@ -46,7 +223,7 @@ def box_distances(low: Array, high: Array, points: Array) -> Array:
     `low`, `high`: corners (B, 2) each [m]. `points`: (n, 2) [m].
     """
     out = np.empty(len(points))
-    c.box_distances(*map(_dense, (low, high, points)), out)
+    c.box_distances(*map(dense, (low, high, points)), out)
     return out
 
 
@@ -62,7 +239,7 @@ def nearest_boxes(
     """
     shape, room = (len(points), columns), np.empty((len(low), 4))
     found = np.empty(shape, dtype=np.int_), np.empty(shape), np.empty((*shape, 2))
-    c.nearest_boxes(*map(_dense, (low, high, points)), room, *found, behind, columns)
+    c.nearest_boxes(*map(dense, (low, high, points)), room, *found, behind, columns)
     return found
 
 
@@ -86,12 +263,12 @@ def fill(
     widest, far, side, path = (0.0, 0.0, 0.0, NOTHING) if margins is None else margins[1:]
     *arrays, turn, turn_weight, scale, open_bound = numbers
     c.fill(
-        *map(_dense, (*lin, *plan[:3], *around)),
+        *map(dense, (*lin, *plan[:3], *around)),
         keep.side_normals,
         keep.side_offsets,
         *arrays,
         np.empty(stages * per_stage + 3 * (stages + 1)),
-        _dense(plan.speeds),
+        dense(plan.speeds),
         path,
         *noise[:NOISE_ARRAYS],
         turn,
@@ -126,7 +303,7 @@ def tube_margins(
     what the path keeps [m]: headway is no more.
     """
     out, directions = np.empty(normals.shape[:2]), normals.shape[2]
-    given = map(_dense, (by_x, states, inputs, normals, path_clearance))
+    given = map(dense, (by_x, states, inputs, normals, path_clearance))
     c.tube_margins(*given, *noise[:NOISE_ARRAYS], out, directions, *noise[NOISE_ARRAYS:])
     return out
 
@@ -141,8 +318,8 @@ def stop_errors(
     of them. `rare`, `usual`: as of `added_up`. `reach`: how far the outline lies from the pose [m].
     """
     out = np.empty(distances.shape)
-    dense = map(_dense, (distances, turns, position, heading))
-    c.stop_errors(*dense, out, distances.shape[-1], dt, *numbers)
+    arrays = map(dense, (distances, turns, position, heading))
+    c.stop_errors(*arrays, out, distances.shape[-1], dt, *numbers)
     return out
 
 
@@ -159,7 +336,7 @@ def candidates(
     count, periods, m = further + 2 * SLOWER, further + 2 + longest, inputs.shape[1]
     flat = np.empty((2 if whole else count) * periods * m)
     kinds, sizes = np.empty((count, 3), dtype=np.intc), np.empty(2, dtype=np.intc)
-    own = *arrays, _dense(inputs), _dense(hardest), flat, kinds, sizes
+    own = *arrays, dense(inputs), dense(hardest), flat, kinds, sizes
     c.candidates(*own, curvature, longest, further, whole, at_once)
     count, periods = sizes.tolist()
     commands, (strict, turns, ends) = flat[: count * periods * m], kinds[:count].T
@@ -170,7 +347,7 @@ def samples(states: Array, count: int) -> Array:
     """Poses (C, T count, 3) on the arcs between states (C, T + 1, 3), the first left out."""
     motions, poses, _ = states.shape
     out = np.empty((motions, (poses - 1) * count, STATES))
-    c.samples(_dense(states), out, motions, count)
+    c.samples(dense(states), out, motions, count)
     return out
 
 
@@ -184,8 +361,8 @@ def between_samples(
     leads away begins at its nearest.
     """
     out = np.empty(clearance.shape)
-    dense = map(_dense, (clearance, standing, places, begin))
-    c.between_samples(*dense, out, len(places), radius)
+    arrays = map(dense, (clearance, standing, places, begin))
+    c.between_samples(*arrays, out, len(places), radius)
     return out
 
 
@@ -200,8 +377,8 @@ def surely_clear(
     rest. `lost`: what chords between samples cut off at the most [m].
     """
     out = np.empty(len(error), dtype=np.bool_)
-    dense = map(_dense, (clearance, margins, error, travel))
-    c.surely_clear(*dense, np.ascontiguousarray(ends, dtype=np.intc), out, lost)
+    arrays = map(dense, (clearance, margins, error, travel))
+    c.surely_clear(*arrays, np.ascontiguousarray(ends, dtype=np.intc), out, lost)
     return out
 
 
@@ -235,9 +412,9 @@ def admissible(
     coming period. `unsure`: what the pose's noise may pretend of a clearance [m].
     """
     out = np.empty(len(clearance), dtype=np.bool_)
-    dense = map(_dense, (clearance, standing, spend, margins, driven, error))
+    arrays = map(dense, (clearance, standing, spend, margins, driven, error))
     which = np.ascontiguousarray(turns), np.ascontiguousarray(strict)
-    c.admissible(*dense, *which, np.ascontiguousarray(ends, dtype=np.intc), out, first, unsure)
+    c.admissible(*arrays, *which, np.ascontiguousarray(ends, dtype=np.intc), out, first, unsure)
     return out
 
 
@@ -249,7 +426,7 @@ def locate(path: Timed, pose: Array, place: float, least: float) -> tuple[float,
     `off`: the time on the path [s], and the distance from its pose there [m].
     """
     found = np.empty(2)
-    c.locate(*path[:3], _dense(pose), found, path.step, place, least)
+    c.locate(*path[:3], dense(pose), found, path.step, place, least)
     return found.item(0), found.item(1)
 
 
@@ -263,7 +440,7 @@ def along_path(
     its last turn.
     """
     states = np.empty((len(later), STATES))
-    c.along_path(*path[:3], _dense(later), states, path.braking, place, leg, heading, turning)
+    c.along_path(*path[:3], dense(later), states, path.braking, place, leg, heading, turning)
     return states
 
 
@@ -275,7 +452,7 @@ def ways(free: Bits, factor: Array, step: float, goal: int) -> tuple[Array, NDAr
     of the goal's node. Returns `cost`, `towards`: (H W,) of the way from each node [m], infinite
     without one; the next node on it, -1 at the goal and without a way.
     """
-    nodes, width, own = free.size, free.shape[1], (np.ascontiguousarray(free), _dense(factor))
+    nodes, width, own = free.size, free.shape[1], (np.ascontiguousarray(free), dense(factor))
     cost, towards = np.empty(nodes), np.empty(nodes, dtype=np.intc)
     c.ways(*own, cost, towards, np.empty(2 * nodes, dtype=np.intc), width, step, goal)
     return cost, towards

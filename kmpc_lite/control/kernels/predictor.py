@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.kernels import _kernels as c  # type: ignore[attr-defined]
-from kmpc_lite.control.kernels.scan_library import dense
+from kmpc_lite.control.kernels.library import dense
 from kmpc_lite.model.arguments import broadcast
 from kmpc_lite.model.bilinear import Linearization
 from kmpc_lite.model.dictionary import InputHistoryDictionary, ResponseDictionary

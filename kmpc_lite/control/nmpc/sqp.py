@@ -29,8 +29,8 @@ from kmpc_lite.control.nmpc.qp_solvers import (
 )
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.options import OSQPOptions, SolverOptions, StepOptions, fastest, unit_length
+from kmpc_lite.control.plan import Task
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.task import Task
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.bilinear import Linearization

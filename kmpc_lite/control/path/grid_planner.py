@@ -22,7 +22,7 @@ import numpy as np
 from kmpc_lite.control.options import GuidanceOptions, unit_length
 from kmpc_lite.control.path.capabilities import swing
 from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapFields, Ways
-from kmpc_lite.control.path.planner import ROUNDING, Path, PathRequest, Route
+from kmpc_lite.control.path.planner import ROUNDING, Path, PathRequest, Route, poses_along
 from kmpc_lite.control.path.taut_string import (
     CUT_DEPTH,
     GeometricPath,
@@ -30,7 +30,6 @@ from kmpc_lite.control.path.taut_string import (
     Surroundings,
     TautStrings,
 )
-from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.path.ways import outline_distances
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import angle_swept, wrap

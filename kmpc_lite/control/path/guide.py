@@ -21,20 +21,20 @@ from kmpc_lite.control.path.capabilities import Capabilities, follows_poses, see
 from kmpc_lite.control.path.field_planner import FieldPlanner
 from kmpc_lite.control.path.grid_planner import GridPlanner
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
-from kmpc_lite.control.path.planner import Planner
+from kmpc_lite.control.path.planner import GRID_STEP, Planner, TimedPath
 from kmpc_lite.control.path.progress import content_with, holds
 from kmpc_lite.control.path.replan import Replanner
 from kmpc_lite.control.path.search_driver import STANDS
 from kmpc_lite.control.path.situation import (
+    BLOCKED,
     Guidance,
+    GuideState,
     GuideTask,
     Situation,
     Surveyor,
     told_progress,
     wait_in_sight,
 )
-from kmpc_lite.control.path.state import BLOCKED, GuideState
-from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import rotate, seen_along

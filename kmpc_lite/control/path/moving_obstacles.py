@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import VELOCITY, distances
+from kmpc_lite.control.kernels.records import VELOCITY, distances
 from kmpc_lite.control.options import MovingObstacleOptions
 from kmpc_lite.geometry import exact_arc
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.timed_path import TimedPath
+    from kmpc_lite.control.path.planner import TimedPath
     from kmpc_lite.control.world.solids import Solids
 
 ROUNDING = 1e-9

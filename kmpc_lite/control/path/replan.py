@@ -7,15 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
-from kmpc_lite.control.kernels.records import leg_end
+from kmpc_lite.control.kernels.records import SPREAD_RATE, VELOCITY, leg_end
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses
-from kmpc_lite.control.path.planner import NEAR_GOAL, Planner
+from kmpc_lite.control.path.planner import GRID_STEP, NEAR_GOAL, Planner, TimedPath
 from kmpc_lite.control.path.search_driver import STANDS, SearchDriver
-from kmpc_lite.control.path.situation import Situation
-from kmpc_lite.control.path.state import GuideState
-from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
+from kmpc_lite.control.path.situation import GuideState, Situation
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.solids import same_solids
 from kmpc_lite.geometry import wrap

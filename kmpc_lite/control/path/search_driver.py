@@ -11,21 +11,19 @@ import numpy as np
 
 from kmpc_lite.control.clock import longest_lately
 from kmpc_lite.control.kernels import library
-from kmpc_lite.control.kernels.clearance import VELOCITY
+from kmpc_lite.control.kernels.records import VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.capabilities import follows_poses, swing
 from kmpc_lite.control.path.distance_grid import SAMPLE
-from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
-from kmpc_lite.control.path.situation import Situation
-from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
-from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner, TimedPath
+from kmpc_lite.control.path.situation import BLOCKED, GuideState, Search, Situation
 from kmpc_lite.control.path.ways import outline_distances
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.view import View
+    from kmpc_lite.control.world.sight import View
 
 GOAL_SLACK = 0.5
 """A path that begins near the goal may end beside it, by this share of the distance at which the

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.control.footprint import FARTHEST
 from kmpc_lite.control.kernels import library
-from kmpc_lite.control.kernels.scan_library import rectangles
+from kmpc_lite.control.kernels.library import rectangles
 from kmpc_lite.control.options import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array

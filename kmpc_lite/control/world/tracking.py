@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from kmpc_lite.control.kernels.clearance import (
+from kmpc_lite.control.kernels.records import (
     COLUMNS,
     PLACE,
     RADIUS,

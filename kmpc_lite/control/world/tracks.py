@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.kernels import scan_library
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels import tracks as rows_of
-from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
+from kmpc_lite.control.kernels.records import SPREAD_RATE, things_of
 from kmpc_lite.control.kernels.tracks import WALKED
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.scan import LaserScan, beams
@@ -193,7 +193,7 @@ class Follower:
         that are too many.
         """
         sources = np.broadcast_to(sources, len(circles))
-        rows, found = scan_library.follow(tracks.rows, circles, sources, *self.numbers)
+        rows, found = library.follow(tracks.rows, circles, sources, *self.numbers)
         unseen, seen = rows[:, rows_of.UNSEEN], rows[:, rows_of.SEEN]
         alive = unseen <= np.minimum(self.options.coast, seen - unseen)
         if not alive.all():
@@ -242,7 +242,7 @@ def clusters(scan: LaserScan, pose: Array, robot: float, largest: float = LARGES
     """
     sizes = abs(scan.angle_increment), GAP * robot, largest * robot
     mount = np.array(scan.mount[:2])
-    found = scan_library.clusters(scan.reach, scan.ends, scan.hits, scan.clear, mount, *sizes)
+    found = library.clusters(scan.reach, scan.ends, scan.hits, scan.clear, mount, *sizes)
     circles = np.zeros((len(found), 5))
     x, y = rotate(found[:, 0], found[:, 1], float(pose[2]))
     circles[:, 0], circles[:, 1], circles[:, 2] = x + pose[0], y + pose[1], found[:, 2]

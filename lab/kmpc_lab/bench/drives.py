@@ -17,8 +17,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.types import Array
 
 TUNING_SEED, REPORTING_SEED = 7_000, 700_000

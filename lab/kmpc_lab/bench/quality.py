@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lab.bench.drives import RecordedDrive
 from kmpc_lab.peers.ipopt import IpoptController, short_way
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.kernels import clearance as things
+from kmpc_lite.control.kernels import records as things
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.model.koopman import KoopmanModel

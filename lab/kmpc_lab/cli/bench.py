@@ -8,8 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from kmpc_lite.cli.command import Command, count, positive, refuse_unread
-from kmpc_lite.cli.output import ProgressBar
+from kmpc_lite.cli.command import Command, ProgressBar, count, positive, refuse_unread
 
 DRIVES, SECONDS = 20, 600.0
 """Recorded drives, and how long the loop runs [s], if nothing else is asked for."""

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import kmpc_lite as kl
-from kmpc_lite.cli.command import Command, need
-from kmpc_lite.cli.output import command_line, keep_inputs
+from kmpc_lite.cli.command import Command, command_line, keep_inputs, need
 
 if TYPE_CHECKING:
     from kmpc_lab.sim.closed_loop import Run

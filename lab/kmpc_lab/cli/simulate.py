@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import kmpc_lite as kl
 from firmware_bridge.cli.options import add_live_options, live_address
 from kmpc_lab.cli.scenario import DEFAULT, add_scenario_options, read_scenario
-from kmpc_lite.cli.command import Command, need, positive
-from kmpc_lite.cli.output import command_line, keep_inputs
+from kmpc_lite.cli.command import Command, command_line, keep_inputs, need, positive
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
@@ -148,7 +147,7 @@ def simulate(
     if page is None:
         run = drive(controller, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
         return run, recorder
-    from kmpc_lab.recording.watched import WatchedController, shown
+    from kmpc_lab.recording.simulated import WatchedController, shown
 
     watched = WatchedController(controller)
     with shown(watched, scenario, page) as tell:

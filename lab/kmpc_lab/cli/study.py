@@ -9,8 +9,7 @@ from pathlib import Path
 
 from kmpc_lab.studies.catalogue import STUDIES
 from kmpc_lab.studies.study import Study, Work, check_resume, executor
-from kmpc_lite.cli.command import Command, count, need
-from kmpc_lite.cli.output import ProgressBar
+from kmpc_lite.cli.command import Command, ProgressBar, count, need
 
 
 def add_options(study: Study, parser: argparse.ArgumentParser) -> None:

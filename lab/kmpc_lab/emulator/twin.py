@@ -8,7 +8,7 @@ import numpy as np
 
 from firmware_bridge.kinematics import Geometry, WheelGeometry
 from firmware_bridge.messages import ConfigError
-from kmpc_lab.emulator.body import COAST, STEP, STILL, Body
+from kmpc_lab.emulator.board import COAST, STEP, STILL, Body
 from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 from kmpc_lab.sim.twin import Twin
 

@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lab.report.model_section import fit_section, held_out, made_rows
-from kmpc_lab.report.moments import MOST, events_of
-from kmpc_lab.report.picture import drive_picture
-from kmpc_lab.report.player import FILES, player_data, script
-from kmpc_lab.report.runs import trace_of
-from kmpc_lab.report.style import render, write_picture
-from kmpc_lab.report.words import (
+from kmpc_lab.report.moments import (
+    MOST,
     STATUS_WORDS,
     clearance_words,
+    events_of,
     image,
     joined,
     length,
@@ -28,6 +25,10 @@ from kmpc_lab.report.words import (
     outcome_title,
     table,
 )
+from kmpc_lab.report.picture import drive_picture
+from kmpc_lab.report.player import FILES, player_data, script
+from kmpc_lab.report.runs import trace_of
+from kmpc_lab.report.style import render, write_picture
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.evaluation import FitReport

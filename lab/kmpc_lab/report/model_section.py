@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kmpc_lab.report.words import milliseconds, table
+from kmpc_lab.report.moments import milliseconds, table
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.model.koopman import KoopmanModel

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge.recording.drive.seen import CORNERS, STEP, hits, outline
-from kmpc_lab.report.moments import Moments, moments
+from kmpc_lab.report.moments import STATUS_WORDS, Moments, moments, outcome_title, path_times
 from kmpc_lab.report.picture import rectangles, view_of
 from kmpc_lab.report.runs import limits, trace_of
-from kmpc_lab.report.words import STATUS_WORDS, outcome_title, path_times
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.outlines import corners_of

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lab.report.moments import clearance_words, outcome_title, path_clearances, substeps
 from kmpc_lab.report.picture import Trace, drive_picture
 from kmpc_lab.report.style import render, write_picture
-from kmpc_lab.report.words import clearance_words, outcome_title, path_clearances, substeps
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.errors import KmpcError
 

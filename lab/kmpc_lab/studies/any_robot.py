@@ -16,8 +16,7 @@ import numpy as np
 from kmpc_lite.control import Footprint, NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
 from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.types import Array

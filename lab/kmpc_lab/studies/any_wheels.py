@@ -17,8 +17,7 @@ import numpy as np
 
 from kmpc_lab.sim.plants.steered import STANDS, CarPlant, Chassis, Follower, OmniPlant, Rollers
 from kmpc_lite.control import Footprint, NavigationProblem
-from kmpc_lite.control.path.motions import seen_from
-from kmpc_lite.control.path.reeds_shepp import curves
+from kmpc_lite.control.path.motions import curves, seen_from
 from kmpc_lite.control.wheels import Car, Omni
 from kmpc_lite.learn.learning import learn
 from kmpc_lite.learn.loading import load_logs, read_checked

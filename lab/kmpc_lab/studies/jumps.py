@@ -19,7 +19,7 @@ from kmpc_lab.studies.drive import DriveResult, Task, closed_loop
 from kmpc_lab.studies.table import DRIVES, SECONDS, Column, mean_of
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import GoalProgress, Plan
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import nominal_unicycle
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array

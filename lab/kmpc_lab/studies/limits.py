@@ -18,8 +18,7 @@ from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn
 from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.table import DRIVES, FEASIBLE, GAP, JERK, LOST, TIME, Column, mean_of
 from kmpc_lite.control import Circle, Controller, NavigationProblem
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.types import Array
 
 ROBOTS = {

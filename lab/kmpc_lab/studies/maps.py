@@ -30,8 +30,7 @@ from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.scenario.files import Scenario
 
 SETTLE = 1.0

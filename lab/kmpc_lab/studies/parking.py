@@ -16,9 +16,9 @@ import numpy as np
 from kmpc_lab.studies.drive import DriveResult, drive_past
 from kmpc_lab.studies.table import DRIVES, GAP, JERK, TIME, Column, Rows, median_of
 from kmpc_lite.control import Controller, Footprint, NavigationProblem, Polygon, Wall
-from kmpc_lite.control.path.reeds_shepp import TURNS, curves
+from kmpc_lite.control.path.motions import TURNS, curves
 from kmpc_lite.control.wheels import Car
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import nominal_unicycle
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.types import Array
 

@@ -24,7 +24,7 @@ from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import nominal_unicycle
 from kmpc_lite.scenario.touch import ARRIVED, LOOKS
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array

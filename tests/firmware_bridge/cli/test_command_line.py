@@ -1,6 +1,12 @@
 """Command lines of the bridge: help with an example, and one line for what is wrong."""
 
+from __future__ import annotations
+
+import json
+
 import pytest
+from courses import PATIENT
+from emulated_robots import ROBOTS, emulated
 
 from kmpc_lite.cli.main import main
 
@@ -79,3 +85,31 @@ def test_bad_input_is_one_line_and_exit_status_2(desk, capsys, command, words):
 def test_a_command_line_that_cannot_be_understood_is_exit_status_2_too(command, capsys):
     assert main(command) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_check_says_what_is_missing_and_moves_nothing(desk, capsys):
+    with emulated("rover", arm_after=0.0) as rover:  # it may be asked at once
+        assert (
+            main([*f"check {ROBOTS}/rover.toml --link pty:link --seconds 0.5".split(), *PATIENT])
+            == 0
+        )
+        out = capsys.readouterr().out
+        assert "pose: x " in out and "MISSING" not in out
+        assert "ok       not given to us yet: MANUAL, not armed; run --arm takes it" in out
+        assert rover.pose == (0.0, 0.0, 0.0) and rover.mode == "MANUAL"
+    with emulated("roboclaw"):
+        assert (
+            main(
+                [
+                    *f"check {ROBOTS}/roboclaw.toml --link pty:link --seconds 0.5".split(),
+                    *PATIENT,
+                    "--json",
+                ]
+            )
+            == 0
+        )
+        report = json.loads(capsys.readouterr().out)
+        assert (
+            report["ok"]
+            and "the safety gate would let it drive now" in report["findings"][-1]["text"]
+        )

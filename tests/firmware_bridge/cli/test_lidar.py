@@ -9,7 +9,7 @@ import pytest
 from firmware_bridge.cli.lidar_check import fit, hints, seen
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.sensors.scan import Scan
+from firmware_bridge.sensors.sight import Scan
 from kmpc_lab.emulator.lidar import emulated_lidar
 from kmpc_lab.emulator.vesc import VescEmulator
 from kmpc_lite.cli.main import main

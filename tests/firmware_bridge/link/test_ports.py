@@ -1,15 +1,20 @@
 """What a user reads when a port cannot be had, and which program has it."""
 
+from __future__ import annotations
+
 import errno
+import fcntl
 import os
 import socket
+import termios
 
 import pytest
 from free_port import free_port
+from serial.serialposix import TIOCM_DTR_str as DTR
 from waiting import until
 
 from firmware_bridge.link import open_transport
-from firmware_bridge.link.serial_port import explain
+from firmware_bridge.link.serial_port import SerialPort, explain
 from firmware_bridge.link.server import serve
 from firmware_bridge.messages import ConfigError, LinkError
 
@@ -88,3 +93,37 @@ def test_bad_urls(url, message):
 def test_serving_a_serial_port_is_refused():
     with pytest.raises(ConfigError, match="an emulator serves pty:"):
         serve("serial:/dev/ttyACM0")
+
+
+@pytest.mark.parametrize("on", [False, True])
+def test_it_is_set_and_set_back(on, monkeypatch):
+    master, slave = os.openpty()
+    done, real = [], fcntl.ioctl
+
+    def ioctl(fd, request, *more):
+        if request in (termios.TIOCMBIS, termios.TIOCMBIC):  # a pseudo-terminal has no such line
+            done.append((request == termios.TIOCMBIS, *more))
+            return 0
+        return real(fd, request, *more)
+
+    monkeypatch.setattr(fcntl, "ioctl", ioctl)
+    port = SerialPort(os.ttyname(slave), 9600, False, on)
+    assert {held for held, line in done if line == DTR} == {on}
+    done.clear()
+    port.close()
+    assert done == [(not on, DTR)]
+    done.clear()
+    SerialPort(os.ttyname(slave), 9600, False).close()
+    assert (False, DTR) not in done
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_port_that_has_no_such_line_is_reported_and_not_left_open():
+    master, slave = os.openpty()
+    before = len(os.listdir("/proc/self/fd"))
+    with pytest.raises(OSError):
+        SerialPort(os.ttyname(slave), 9600, False, False)
+    assert len(os.listdir("/proc/self/fd")) == before
+    os.close(master)
+    os.close(slave)

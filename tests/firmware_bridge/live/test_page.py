@@ -1,14 +1,22 @@
 """The page of a bridge: its STOP is the latched emergency stop, and enabling obeys the gate."""
 
+from __future__ import annotations
+
 import contextlib
+import json
+import math
 import time
+from array import array
 
 import pytest
 from browser import Browser, needs_browser
 from browsing import ask, press, wait_for
 
 from firmware_bridge.live.address import LiveAddress
+from firmware_bridge.live.channel import LONGEST, Channel
 from firmware_bridge.live.feed import Feed
+from firmware_bridge.live.guard import Guard, Refused, TwoActions
+from firmware_bridge.live.picture import TRAIL, Picture
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.places import is_latched
@@ -114,3 +122,108 @@ def test_a_drag_on_the_map_and_a_tap_on_the_button_give_a_goal_with_its_heading(
         assert [float(number) for number in words[0].split()[1:]] == pytest.approx(
             [0.0, 0.0, 1.5708], abs=0.02
         )
+
+
+TOKEN = "abcdefghjkmn"
+
+
+def enter(guard: Guard, method: str = "GET", **headers: str):
+    names = {name: name.replace("_", "-").title() for name in headers}
+    return guard.enter(method, {names[name]: value for name, value in headers.items()})
+
+
+def refused(guard: Guard, *what: str, **headers: str) -> bool:
+    try:
+        enter(guard, *what, **headers)
+    except Refused as error:
+        return error.status == 403
+    return False
+
+
+def test_on_this_computer_one_may_watch_without_the_token_and_elsewhere_not():
+    ours, far = Guard(TOKEN, True, ["localhost"]), Guard(TOKEN, False, ["localhost", "pi.local"])
+    assert enter(ours, host="127.0.0.1:8764") is False
+    assert enter(ours, host="localhost:8764", x_kmpc=TOKEN) is True
+    assert enter(far, host="192.168.1.5:8764", x_kmpc=TOKEN) is True
+    assert enter(far, host="pi.local:8764", x_kmpc=TOKEN) is True
+    assert refused(far, host="192.168.1.5:8764")
+    for shown in ("", "1", TOKEN[:-1], f"{TOKEN}x", "é"):
+        assert refused(far, host="192.168.1.5:8764", x_kmpc=shown), shown
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8764", "", "127.0.0.1.evil.example"]
+)
+def test_a_name_of_a_stranger_that_leads_here_is_refused(host):
+    """DNS rebinding: the page of evil.example suddenly speaks to this computer."""
+    assert refused(Guard(TOKEN, True, ["localhost"]), host=host)
+    assert refused(Guard(TOKEN, True, ["localhost"]), host=host, x_kmpc=TOKEN)
+
+
+def test_what_the_page_of_another_site_sends_is_refused():
+    guard, host = Guard(TOKEN, True, ["localhost"]), "localhost:8764"
+    for origin in (
+        "http://evil.example",
+        "null",
+        "http://localhost:9999",
+        "https://localhost:8764",
+    ):
+        assert refused(guard, "POST", host=host, origin=origin), origin
+        assert refused(guard, "GET", host=host, origin=origin), origin
+    assert refused(guard, "POST", host=host, sec_fetch_site="cross-site")
+    assert not enter(guard, "POST", host=host, origin=f"http://{host}")
+    assert not enter(guard, "POST", host=host)  # curl
+
+
+def test_the_second_action_counts_once_and_within_five_seconds_of_the_first():
+    now = [100.0]
+    two = TwoActions(lambda: now[0])
+    assert not two.second("") and not two.second(None)
+    for wait, counts in ((0.1, False), (0.3, True), (4.9, True), (5.1, False)):
+        code = two.first()
+        now[0] += wait
+        assert two.second(code) is counts, wait
+        assert not two.second(code)
+    code = two.first()
+    now[0] += 1.0
+    assert not two.second("é" * 16) and not two.second(code)  # a wrong one uses it up
+
+
+def test_only_what_has_changed_is_reported_and_newcomers_get_everything():
+    picture = Picture()
+    first = json.loads(picture.take({"a": 1, "b": array("d", [1.0, math.nan]).tobytes()}))
+    assert first == {"a": 1, "b": [1.0, None]}
+    assert json.loads(picture.take({"a": 1, "b": [2.0], "pose": [0.0, 1.0, 0.1]})) == {
+        "b": [2.0],
+        "pose": [0.0, 1.0, 0.1],
+    }
+    whole = json.loads(picture.whole())
+    assert whole == {"a": 1, "b": [2.0], "pose": [0.0, 1.0, 0.1], "trail": [0.0, 1.0]}
+
+
+def test_the_driven_path_does_not_grow_without_end_nor_while_the_robot_stands():
+    picture = Picture()
+    for k in range(TRAIL + 500):
+        for _ in range(2):
+            picture.take({"pose": [0.1 * k, 0.0, 0.0]})
+    picture.take({"pose": [math.nan, 0.0, 0.0]})
+    assert len(json.loads(picture.whole())["trail"]) == 2 * TRAIL
+
+
+def test_a_channel_never_waits_and_gives_whole_packets():
+    ours, theirs = Channel.pair()
+    sent = 0
+    while ours.send({"n": sent, "filling": bytes(8000)}):
+        sent += 1
+        assert sent < 10_000
+    assert not ours.send({"n": bytes(LONGEST + 1)})
+    got = []
+    while (packet := theirs.receive()) is not None:
+        got.append(packet["n"])
+    assert got == list(range(sent))
+    ours.close()
+    try:
+        theirs.receive()
+    except EOFError:
+        return
+    raise AssertionError("the end was not told")

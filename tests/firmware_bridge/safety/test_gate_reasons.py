@@ -5,8 +5,7 @@ import math
 import pytest
 from gate_world import TICK, World
 
-from firmware_bridge.safety.gate_inputs import FUTURE
-from firmware_bridge.safety.gate_table import Action, GateState, Reason
+from firmware_bridge.safety.gate_table import FUTURE, Action, GateState, Reason
 
 SPOIL = {
     Reason.LINK: lambda w: setattr(w, "connected", False),

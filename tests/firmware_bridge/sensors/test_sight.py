@@ -1,5 +1,7 @@
 """A turn made a scan: motion undone, mount, mirror, limits, sectors; seen from where one plans."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -8,8 +10,7 @@ import pytest
 from firmware_bridge.messages import State
 from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from firmware_bridge.sensors.scan import Sweep
-from firmware_bridge.sensors.sight import Sight, compose
+from firmware_bridge.sensors.sight import AHEAD, Sight, Sweep, Trail, compose
 from kmpc_lite.scenario.world import World
 
 BEAMS = 360
@@ -99,3 +100,28 @@ def test_without_a_turn_or_a_pose_there_is_no_scan():
     assert Sight(options(), lambda: None).look(state) is None
     sweep = Sweep(np.zeros(3), np.ones(3), np.ones(3), 0.1, 8.0)
     assert Sight(options(), lambda: sweep).look(state) is None
+
+
+def test_between_poses_it_is_interpolated_over_the_seam_of_the_heading_too():
+    trail = Trail()
+    trail.add(State(0.0, 0.0, 3.0, 0.0, 0.0, 10.0))
+    trail.add(State(1.0, 2.0, -3.0, 0.0, 0.0, 10.2))
+    (found,) = trail.poses(np.array([10.1]))
+    assert found == pytest.approx([0.5, 1.0, math.pi], abs=1e-9)
+    assert trail.poses(np.array([9.0]))[0] == pytest.approx([0.0, 0.0, 3.0])
+
+
+def test_behind_the_last_it_goes_on_for_a_while():
+    trail = Trail()
+    trail.add(State(1.0, 0.0, 0.0, 0.5, 0.0, 10.0))
+    found = trail.poses(np.array([10.1, 10.0 + 10 * AHEAD]))
+    assert found[0] == pytest.approx([1.05, 0.0, 0.0]) and found[1, 0] == 1.0 + 0.5 * AHEAD
+
+
+def test_bad_and_old_poses_are_not_remembered():
+    trail = Trail()
+    trail.add(None)
+    trail.add(State(math.nan, 0.0, 0.0, 0.0, 0.0, 1.0))
+    trail.add(State(1.0, 0.0, 0.0, math.nan, 0.0, 2.0))
+    trail.add(State(9.0, 0.0, 0.0, 0.0, 0.0, 1.5))
+    assert trail.poses(np.array([3.0])).tolist() == [[1.0, 0.0, 0.0]]

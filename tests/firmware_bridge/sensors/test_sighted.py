@@ -6,7 +6,7 @@ import pytest
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.sensors.lidar.lidar import LidarHealth
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from firmware_bridge.sensors.scan import Sweep
+from firmware_bridge.sensors.sight import Sweep
 from firmware_bridge.sensors.sighted import SightedDriver
 
 OPTIONS = LidarOptions("ld06", "pty:x")

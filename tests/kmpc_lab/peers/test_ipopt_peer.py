@@ -3,11 +3,16 @@
 The same predictions, constraints kept, the same promises of `step`.
 """
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab.bench.drives import TUNING_SEED, RecordedDrive, learned_model, record
+from kmpc_lab.bench.quality import EQUAL, OBEYED, VERDICTS, compare, format_comparison
 from kmpc_lab.peers.ipopt import IpoptController, symbolic_step
+from kmpc_lite.control.problem import NavigationProblem
 
 DT = 0.1
 GOAL = (1.5, 1.5, 0.0)
@@ -118,3 +123,29 @@ def test_changes_of_commands_are_limited_from_the_one_sent_last() -> None:
     assert before[0] > 0.3
     with pytest.raises(kl.ProblemError, match="du_max"):
         IpoptController(kl.nominal_unicycle(DT), problem, solver="fatrop")
+
+
+pytest.importorskip("casadi", reason="the extra peers is not installed")
+
+
+def test_ours_converges_to_what_ipopt_finds() -> None:
+    model, problem = learned_model(), NavigationProblem()
+    drives = record(model, problem, 2, TUNING_SEED + 50, 12)
+    rows = compare(model, problem, drives)
+    assert len(rows) == 24
+    assert all(
+        row.verdict == "as good" and row.excess <= EQUAL and row.violation <= OBEYED for row in rows
+    )
+    assert "as good on 24 of the 24 states" in format_comparison(rows)
+
+
+def test_a_start_in_an_obstacle_is_distinguished() -> None:
+    model, problem = learned_model(), NavigationProblem()
+    inside = RecordedDrive(
+        np.array([[0.3, 0.0, 3.5]]),
+        np.array([1.5, 0.0, 0.0]),
+        np.array([[0.0, 0.0, 0.2, 0.0, 0.0]]),
+    )
+    (row,) = compare(model, problem, [inside])
+    assert row.verdict == "starts inside" and row.verdict in VERDICTS
+    assert "states on which IPOPT" not in format_comparison([row])

@@ -9,7 +9,7 @@ from readers import without_checksums
 
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.encoder import DriveEncoder
-from firmware_bridge.recording.drive.records import Gate, PoseSeen, Sent
+from firmware_bridge.recording.drive.schemas import Gate, PoseSeen, Sent
 from kmpc_lab import Outcome, Run
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.recording.simulated import SimulationRecorder

@@ -10,7 +10,7 @@ import kmpc_lite as kl
 from firmware_bridge.live.moment import map_packet
 from firmware_bridge.live.picture import Picture
 from kmpc_lab import Outcome, drive
-from kmpc_lab.recording.watched import WatchedController
+from kmpc_lab.recording.simulated import WatchedController
 from kmpc_lite.scenario.files import Scenario
 
 

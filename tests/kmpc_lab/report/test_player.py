@@ -14,7 +14,7 @@ from browser import Browser, Page, needs_browser
 
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.encoder import DriveEncoder
-from firmware_bridge.recording.drive.records import Ended, Gate, PoseSeen, Sent, Stepped
+from firmware_bridge.recording.drive.schemas import Ended, Gate, PoseSeen, Sent, Stepped
 from kmpc_lab import Run, write_report
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.report.moments import APART, events_of

@@ -9,7 +9,7 @@ from kmpc_lab.sim.maps import has_passage
 from kmpc_lab.studies import clutter
 from kmpc_lab.studies.clutter import CONDITIONS, SIZE, draw_field, draw_moving, of_places, read_barn
 from kmpc_lite.errors import DataError
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.koopman import nominal_unicycle
 
 YARD = [(-4.575 + 0.15 * k, 0.075) for k in range(31)]
 """The wall behind the start."""

@@ -11,10 +11,10 @@ from seen_maps import hit_boxes
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.studies import pedestrians
-from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
+from kmpc_lite.control.kernels.records import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.control.plan import Task
 from kmpc_lite.control.safe_motion import SafeMotion, SafeMotions
-from kmpc_lite.control.task import Task
 from kmpc_lite.control.world.tracking import Tracking
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.scenario.world import World

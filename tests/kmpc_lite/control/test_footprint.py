@@ -7,7 +7,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.units import scaled_problem
+from kmpc_lite.control.knowledge import scaled_problem
 from kmpc_lite.errors import ProblemError
 
 CART = Footprint.rectangle(0.8, 0.3)

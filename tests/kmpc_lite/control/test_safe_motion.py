@@ -12,10 +12,10 @@ import kmpc_lite as kl
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.margins import Margins
 from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.plan import Task
 from kmpc_lite.control.safe_motion import SafeMotion, SafeMotions
-from kmpc_lite.control.task import Task
+from kmpc_lite.control.world.scene import Surroundings
 from kmpc_lite.control.world.solids import Solids
-from kmpc_lite.control.world.surroundings import Surroundings
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 

@@ -8,7 +8,7 @@ from helpers import foreign_logs
 
 import kmpc_lite as kl
 from firmware_bridge.recording.drive.encoder import DriveEncoder
-from firmware_bridge.recording.drive.records import PoseSeen, Sent
+from firmware_bridge.recording.drive.schemas import PoseSeen, Sent
 from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
 from kmpc_lite.learn.formats.rosbag import ACKERMANN_STAMPED
 from kmpc_lite.learn.loading import load_logs

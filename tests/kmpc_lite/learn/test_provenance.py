@@ -8,7 +8,7 @@ import pytest
 
 import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.learn.provenance import describe_making, read_vehicle
+from kmpc_lite.learn.learning import describe_making, read_vehicle
 from kmpc_lite.learn.verdict import format_making
 
 ROVER = {"name": "rover-7", "driver": "roboclaw", "track": 0.27}

@@ -2,17 +2,24 @@
 written.
 """
 
+from __future__ import annotations
+
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.cli.main import main
+from kmpc_lite.control import Footprint
+from kmpc_lite.errors import ScenarioError
+from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.bundled import bundled
 from kmpc_lite.scenario.files import Scenario
-from kmpc_lite.scenario.values import KEYS, Floor
+from kmpc_lite.scenario.values import KEYS, Floor, LidarSpec
 
 GOOD = """\
 [map]
@@ -242,3 +249,90 @@ def test_without_bounds_a_grid_is_the_area_however_it_is_turned() -> None:
     table["robot"]["goal"] = [far[0] + 0.1, 0.0, 0.0]
     with pytest.raises(kl.ScenarioError, match="goal: .* lies outside the bounds"):
         Scenario.from_table(table, "room", "room.toml")
+
+
+def scenario(start: tuple[float, float, float], footprint: Any) -> Scenario:
+    table = {
+        "map": {"bounds": [-2, -2, 2, 2], "circles": [[0.0, 0.0, 0.2]]},
+        "robot": {"footprint": footprint, "start": list(start), "goal": [1.5, 1.5, 0.0]},
+    }
+    return Scenario.from_table(table, "cart", "cart.toml")
+
+
+def test_is_read_and_written() -> None:
+    made = scenario((-1.0, 0.0, 0.0), {"length": 0.8, "width": 0.3, "ahead": -0.2})
+    assert made.footprint == Footprint.rectangle(0.8, 0.3, -0.2)
+    assert made.radius == made.footprint.radius
+    assert made.problem().footprint == made.footprint
+    again = Scenario.from_table(parse_toml(made.to_toml()), "cart", "again")
+    assert again.footprint == made.footprint and again.radius == made.radius
+
+
+def test_may_stand_where_its_circle_could_not() -> None:
+    # 0.2 m beside the circle's edge, along it
+    made = scenario((0.0, -0.4, 0.0), {"length": 0.8, "width": 0.3})
+    assert made.radius > 0.4
+    with pytest.raises(ScenarioError, match=r"cart: \[robot\] start: .* overlaps an obstacle by"):
+        scenario((0.0, -0.4, 1.57), {"length": 0.8, "width": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("footprint", "expected"),
+    [
+        ({"length": 0.8}, r"cart.toml: \[robot\] footprint: footprint: expected corners"),
+        ([[0, 0], [1, 0]], "footprint: expected at least 3 corners"),
+        ({"length": 1e9, "width": 1.0}, "footprint: expected at most 1e"),
+    ],
+)
+def test_wrong_ones_are_reported(footprint: Any, expected: str) -> None:
+    with pytest.raises(ScenarioError, match=expected):
+        scenario((-1.0, 0.0, 0.0), footprint)
+
+
+BASE = {"map": {"bounds": [-2, -2, 2, 2]}, "robot": {"start": [0, 0, 0], "goal": [1, 1, 0]}}
+
+
+def read(lidar):
+    return Scenario.from_table({**BASE, "lidar": lidar}, "x", "map.toml")
+
+
+def test_what_is_left_out_is_usual_and_all_is_written_and_read_back():
+    assert read({}).lidar == LidarSpec()
+    told = {"reach": 8, "beams": 720, "noise": 0.03, "dropout": 0.1, "nearest": 0.15, "rate": 7.5}
+    there = read({**told, "mount": [0.2, 0.0, 3.14]})
+    assert there.lidar == LidarSpec(8.0, 720, 0.03, 0.1, 0.15, 7.5, (0.2, 0.0, 3.14))
+    again = Scenario.from_table(parse_toml(there.to_toml()), "x", "map.toml")
+    assert again.lidar == there.lidar
+
+
+@pytest.mark.parametrize(
+    ("lidar", "told"),
+    [
+        (3, "must be a section"),
+        ({"reech": 2}, "did you mean"),
+        ({"reach": 0}, "reach: expected a number > 0"),
+        ({"reach": "far"}, "reach: expected a finite number"),
+        ({"beams": 1.5}, "beams: expected a whole number"),
+        ({"nearest": 9.0}, "nearest: expected less than the reach"),
+        ({"mount": [1, 2]}, "mount: expected 3 numbers"),
+    ],
+)
+def test_what_cannot_be_meant_is_reported(lidar, told):
+    with pytest.raises(ScenarioError, match=told) as refused:
+        read(lidar)
+    assert "map.toml: [lidar]" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_the_option_is_the_section(tmp_path):
+    file = tmp_path / "map.toml"
+    file.write_text(read({"beams": 60}).to_toml())
+    out = str(tmp_path / "run")
+    words = ["--timeout", "0.2", "--record", out]
+    assert main(["simulate", str(file), "--lidar", "2", *words]) == 1
+    from kmpc_lab import load_drive
+
+    assert load_drive(out).scenario.lidar == LidarSpec(2.0, 60)
+    assert main(["simulate", str(file), *words]) == 1
+    again = load_drive(out)
+    assert again.scenario.lidar == LidarSpec(4.0, 60)
+    assert again.details is not None and len(again.details.scans) == 2

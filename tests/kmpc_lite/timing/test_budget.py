@@ -1,15 +1,22 @@
 """The time budget on a fake clock: what is begun, what the solver is given, and what comes back."""
 
+from __future__ import annotations
+
+import gc
+import os
+import resource
 from typing import Any
 
 import numpy as np
 import pytest
 from guided import GuideInUse
 
+import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPData, QPSolution, QPSolver, choose_solver
 from kmpc_lite.control.options import OSQPOptions
+from kmpc_lite.realtime import prepare_process
 
 GOAL = (1.5, 1.5, 0.0)
 OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]
@@ -107,3 +114,51 @@ def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_lo
     on = guide.reference(x, other, scene, until=now[0] + 0.5)
     assert not on.refreshed and np.array_equal(on.path, in_time.path)
     assert guide.reference(x, other, scene).refreshed
+
+
+def endure(steps: int) -> float:
+    """Growth of the process [MB] over drives from goal to goal, with dropped poses and changing
+    maps.
+    """
+    random = np.random.default_rng(5)
+    controller, plant = (
+        kl.Controller(kl.nominal_unicycle(0.1)),
+        kmpc_lab.DifferentialDrive(0.05, seed=1),
+    )
+    x, goal, circles = np.zeros(3), np.array([1.5, 1.5, 0.0]), np.array([[0.6, 0.6, 0.15]])
+    before = 0
+    for k in range(steps):
+        measured = np.full(3, np.nan) if random.random() < 0.01 else x
+        plan = controller.step(measured, goal, circles)
+        assert np.isfinite(plan.command).all()
+        x = plant.step(x, plan.command, 0.1)
+        if k % 100 == 0:
+            goal = np.array([*random.uniform(-1.8, 1.8, 2), random.uniform(-3, 3)])
+            circles = np.column_stack([random.uniform(-1.5, 1.5, (4, 2)), np.full(4, 0.15)])
+        if k == steps // 10:
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+
+
+def test_memory_is_flat() -> None:
+    assert endure(1_000) < 5.0
+
+
+@pytest.mark.long
+def test_memory_is_flat_over_100_000_steps() -> None:
+    assert endure(100_000) < 5.0
+
+
+def test_preparing_a_process_reports_what_was_not_permitted(monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: object) -> None:
+        raise PermissionError("not you")
+
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    try:
+        told = "\n".join(prepare_process(cpu=0))
+    finally:
+        gc.unfreeze()
+    assert "not pinned" in told and "not permitted (not you)" in told and "not limited" in told

@@ -1,6 +1,6 @@
 /* The kernels as a Python module: buffers in, numbers written in place.
  *
- * kernels/library.py and scan_library.py call these, with the arrays first, those that are written
+ * kernels/library.py calls these, with the arrays first, those that are written
  * made there; then the numbers. Sizes are checked here, so that no kernel ever leaves an array. The
  * limited API keeps one build good for all Pythons.
  */

@@ -1,9 +1,12 @@
 """What every serial board says of a port, a robot file or a baud rate that is wrong."""
 
+from __future__ import annotations
+
 import threading
 
 import pytest
 from boards import DRIVERS, EMULATORS, TABLES, Rig
+from waiting import until
 
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkError
@@ -51,3 +54,16 @@ def test_bad_robot_files_name_the_key(name, section, change, message):
     with pytest.raises(ConfigError) as caught:
         DRIVERS[name].from_options(open_transport("pty:unused"), table)
     assert str(caught.value).startswith(message)
+
+
+def test_a_board_that_restarts_is_set_up_again(rig):
+    rig.connect()
+    rig.drive(0.8, 0.0, 0.8)  # farther than it could be believed to come back meanwhile
+    rig.driver.send(0.0, 0.0)
+    assert until(lambda: abs(rig.driver.state().v) < 1e-3)
+    x = rig.driver.state().x
+    rig.emulator.reboot()
+    rig.drive(0.0, 0.0, 0.6)  # a change of the watchdog is noticed within half a second
+    rig.is_ready()
+    assert rig.driver.state().x == pytest.approx(x, abs=0.06)
+    rig.starts(0.3, 0.0)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mavlink_rig import Rig, crc16_mcrf4xx, dialect, set_point_frame
 
 from firmware_bridge.drivers.mavlink.codec import STALLED, MavlinkCodec
-from firmware_bridge.drivers.mavlink.messages import MessageBuilder
+from firmware_bridge.drivers.mavlink.commands import MessageBuilder
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 
 KEY = bytes(range(32))

@@ -1,11 +1,15 @@
 """The driver against the emulated rover, on a clock of the tests' own."""
 
+from __future__ import annotations
+
 import math
+from types import SimpleNamespace
 
 import pytest
 from mavlink_rig import Rig, dialect, error, other
 
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.drivers.mavlink.telemetry import StatusTexts
 
 
 @pytest.mark.parametrize(
@@ -187,3 +191,72 @@ def test_what_is_not_finite_never_reaches_the_wire(v: float, omega: float) -> No
     with pytest.raises(ValueError, match="finite"):
         rig.core.set_point(v, omega, rig.now)
     assert len(rig.sent) == before
+
+
+def reboot(rig: Rig, east: float) -> None:
+    """Restart the rover as the real one does: its origin is where it stands then."""
+    x, y, theta = rig.rover.pose
+    rig.rover._boot(0.0)
+    rig.rover.place(x - east, y, theta)
+
+
+def test_a_restart_is_reported_and_stays_reported() -> None:
+    rig = Rig()
+    rig.take()
+    rig.drive(0.3, 0.0, 2.0)
+    assert rig.core.status(rig.now, True).frame_doubt == ""
+    reboot(rig, 3.0)
+    rig.run(5.0)
+    assert "was restarted" in rig.core.status(rig.now, True).frame_doubt
+    rig.core.take(rig.now)
+    rig.run(20.0)
+    assert "was restarted" in rig.core.status(rig.now, True).frame_doubt
+    rig.core.confirm_frame()
+    rig.run(5.0)
+    assert rig.core.status(rig.now, True).frame_doubt == ""
+    assert rig.core.counters["frame_doubts"] == 1
+
+
+def test_an_origin_that_another_station_moves_is_reported() -> None:
+    rig = Rig()
+    rig.take()
+    rig.run(3.0)
+    latitude, longitude, altitude = rig.rover.autopilot.estimator.origin
+    rig.rover.autopilot.estimator.origin = (latitude + 1e-5, longitude, altitude)
+    rig.until(lambda: "origin has moved" in rig.core.status(rig.now, True).frame_doubt, 3.0)
+
+
+LONG = "Battery 1 below minimum arming voltage and the compass is not calibrated, calibrate it"
+
+
+def chunk(text: str, number: int = 0, sequence: int = 0) -> SimpleNamespace:
+    return SimpleNamespace(severity=4, text=text, id=number, chunk_seq=sequence)
+
+
+def test_a_long_refusal_is_reported_whole_in_the_autopilots_own_words() -> None:
+    """The firmware sends it in chunks of 50; it was cut, and the reason with it."""
+    rig = Rig()
+    rig.run(4.0)
+    rig.rover.autopilot.arming_failure = LONG
+    rig.core.take(rig.now)
+    rig.run(3.0)
+    assert f"arming is refused for now: Arm: {LONG}" in rig.faults
+    rig.rover.autopilot.arming_failure = ""
+    rig.until(lambda: rig.ready, 5.0)
+    assert rig.core.refusals(rig.now) == ()
+
+
+def test_chunks_in_any_order_and_texts_of_whole_chunks() -> None:
+    words = StatusTexts()
+    assert words.on_text(chunk("b" * 50, 7, 1), 0.0) == ""
+    assert words.on_text(chunk("", 7, 2), 0.1) == ""
+    assert words.on_text(chunk("a" * 50, 7, 0), 0.2) == "a" * 50 + "b" * 50
+    assert words.on_text(chunk("short"), 0.3) == "short"
+
+
+def test_a_lost_chunk_leaves_a_gap_and_not_silence() -> None:
+    words = StatusTexts()
+    words.on_text(chunk("a" * 50, 7, 0), 0.0)
+    words.on_text(chunk("the end", 7, 2), 0.1)
+    words.tick(2.0)
+    assert words.texts[-1][1] == "a" * 50 + " ... " + "the end"

@@ -8,7 +8,7 @@ from mavlink_rig import Rig, dialect
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.drivers.mavlink.core import ANSWER_PERIOD, MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.status_text import KEPT, StatusTexts
+from firmware_bridge.drivers.mavlink.telemetry import KEPT, StatusTexts
 
 
 class CountingLock:

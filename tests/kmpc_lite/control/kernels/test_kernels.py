@@ -17,7 +17,7 @@ from reference import kernels, scans
 import kmpc_lite as kl
 from kmpc_lite.control import kernels as package
 from kmpc_lite.control.insight import insight
-from kmpc_lite.control.kernels import library, scan_library
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.predictor import Predictor, motion_in_units
 from kmpc_lite.control.kernels.records import Around, Brakes, Iterate, Noise, PlanMargins
 from kmpc_lite.control.nmpc.qp import NavigationQP
@@ -34,21 +34,20 @@ from kmpc_lite.scale import Scale
 
 GRID = kl.OccupancyGrid(np.random.default_rng(2).random((12, 12)) < 0.12, 0.1, (-0.4, 0.5, 0.2))
 FOLDER = Path(package.__file__).parent
-ROOMS = {library: kernels, scan_library: scans}
+REFERENCES = {**vars(scans), **vars(kernels)}
 NAMES = [
     name
-    for room, reference in ROOMS.items()
-    for name, value in vars(room).items()
-    if callable(value) and value.__module__ == room.__name__ and hasattr(reference, name)
+    for name, value in vars(library).items()
+    if callable(value) and value.__module__ == library.__name__ and name in REFERENCES
 ]
 
 
 def ours(name: str) -> Callable[..., Any]:
-    return next(getattr(room, name) for room in ROOMS if name in vars(room))
+    return getattr(library, name)
 
 
 def reference(name: str) -> Callable[..., Any]:
-    return next(getattr(room, name) for room in ROOMS.values() if hasattr(room, name))
+    return REFERENCES[name]
 
 
 def copied(value: Any) -> Any:
@@ -103,9 +102,8 @@ def asked() -> dict[str, list[tuple[Any, ...]]]:
         return call
 
     with pytest.MonkeyPatch.context() as patch:
-        for room in ROOMS:
-            for name in set(NAMES) & vars(room).keys():
-                patch.setattr(room, name, watched(name))
+        for name in NAMES:
+            patch.setattr(library, name, watched(name))
         for problem in (
             kl.NavigationProblem(),
             kl.NavigationProblem(horizon=8, du_max=(0.8, 3.0)),

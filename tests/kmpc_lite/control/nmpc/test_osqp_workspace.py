@@ -9,8 +9,7 @@ import pytest
 from osqp_box import EXACT, Box, assert_failed
 from scipy import sparse
 
-from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPData, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import OSQPWorkspace, QPData, QPStatus
 
 
 def test_infeasible_problem_fails_rather_than_returning_garbage() -> None:

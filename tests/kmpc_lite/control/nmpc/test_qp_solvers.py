@@ -8,8 +8,7 @@ import qpsolvers
 from scipy import sparse
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
-from kmpc_lite.control.nmpc.qp_solvers import QPData, QpsolversBackend, QPStatus
+from kmpc_lite.control.nmpc.qp_solvers import OSQPWorkspace, QPData, QpsolversBackend, QPStatus
 
 SOLVERS = sorted(set(qpsolvers.available_solvers) - {"osqp"})
 GOAL = (1.5, 1.5, 0.0)

@@ -10,8 +10,7 @@ from path_requests import found, request
 import kmpc_lite as kl
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.grid_planner import NO_WAY, GridPlanner
-from kmpc_lite.control.path.planner import Path
-from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.control.path.planner import Path, TimedPath
 
 PROBLEM = kl.NavigationProblem()
 WIDE = 0.06

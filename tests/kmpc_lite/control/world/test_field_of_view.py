@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.world.rays import Outlooks, outlook_of
+from kmpc_lite.control.world.scan import Outlooks, outlook_of
 
 REACH, QUARTER = 8.0, math.pi / 2
 
