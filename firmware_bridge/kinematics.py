@@ -18,13 +18,11 @@ Row = tuple[float, float, float]
 class Geometry:
     """Wheels, each on its own motor: what all kinds share."""
 
-    wheel_radius: float = bounded(1e-3, 10.0, "m")
-    """[m]"""
+    wheel_radius: float = bounded(1e-3, 10.0, "m")  # [m]
     max_wheel_speed: float = bounded(1e-3, 100.0, "m/s")
     """At the rim [m/s]. Faster commands are scaled down on all wheels, which keeps the
     curvature."""
-    gear_ratio: float = bounded(1e-3, 1e4, "", 1.0)
-    """Motor turns per wheel turn."""
+    gear_ratio: float = bounded(1e-3, 1e4, "", 1.0)  # motor turns per wheel turn
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -109,11 +107,9 @@ class WheelGeometry(Geometry):
     track: float = bounded(1e-2, 100.0, "m")
     """Effective distance between the wheels [m]; skid-steer robots: 1.3 to 2 times the measured
     one."""
-    invert_left: bool = False
-    """The left motor turns backwards for positive commands."""
+    invert_left: bool = False  # the left motor turns backwards for positive commands
     invert_right: bool = False
-    swap: bool = False
-    """The right wheel is on the board's first channel."""
+    swap: bool = False  # the right wheel is on the board's first channel
 
     def __post_init__(self) -> None:
         """Check the ranges, and that no wheel seems to be given in centimetres."""
@@ -171,14 +167,12 @@ class CarGeometry(Geometry):
     [0.129, 0.4]
     """
 
-    wheelbase: float = bounded(1e-2, 100.0, "m")
-    """Distance between the axles [m]."""
+    wheelbase: float = bounded(1e-2, 100.0, "m")  # distance between the axles [m]
     steering_angle: float = bounded(1e-2, 1.5, "rad")
     """Largest angle of the front wheels, to either side [rad]."""
     steering_rate: float | None = bounded(1e-3, 1e3, "1/m/s", None)
     """How fast the curvature can change [1/m per second]; at once if not given."""
-    invert: bool = False
-    """The motor turns backwards for positive commands."""
+    invert: bool = False  # the motor turns backwards for positive commands
 
     names = ("driven",)
     rows = ((1.0, 0.0, 0.0),)
@@ -228,10 +222,8 @@ class OmniGeometry(Geometry):
     """Distance between front and rear mecanum wheels [m]."""
     arm: float | None = bounded(1e-2, 100.0, "m", None)
     """Distance of omni wheels from the middle [m]."""
-    count: int = bounded(3, 4, "wheels", 3)
-    """Of omni wheels."""
-    invert: Any = ()
-    """Numbers of the motors, from 1 on, that turn backwards for positive commands."""
+    count: int = bounded(3, 4, "wheels", 3)  # of omni wheels
+    invert: Any = ()  # numbers of the motors, from 1 on, that turn backwards for positive commands
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the wheels are of one kind."""

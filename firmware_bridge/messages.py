@@ -6,8 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-Speeds = tuple[float, float, float]
-"""v [m/s], omega [rad/s], and an omni's vy [m/s]."""
+Speeds = tuple[float, float, float]  # v [m/s], omega [rad/s], and an omni's vy [m/s]
 STILL: Speeds = (0.0, 0.0, 0.0)
 
 
@@ -31,34 +30,23 @@ class ConfigError(BridgeError, ValueError):
 class State:
     """Where the robot is: ENU (x east, y north), theta counter-clockwise from east."""
 
-    x: float
-    """[m]"""
-    y: float
-    """[m]"""
-    theta: float
-    """[rad]"""
-    v: float
-    """Forward speed [m/s]."""
-    omega: float
-    """Turn rate, counter-clockwise [rad/s]."""
-    stamp: float
-    """`time.monotonic()` at which this was true, as well as is known [s]."""
-    vy: float = 0.0
-    """Speed to the left of an omni [m/s]."""
+    x: float  # [m]
+    y: float  # [m]
+    theta: float  # [rad]
+    v: float  # forward speed [m/s]
+    omega: float  # turn rate, counter-clockwise [rad/s]
+    stamp: float  # `time.monotonic()` at which this was true, as well as is known [s]
+    vy: float = 0.0  # speed to the left of an omni [m/s]
 
 
 @dataclass(frozen=True)
 class VelocityCommand:
     """What the controller wants."""
 
-    v: float
-    """[m/s]"""
-    omega: float
-    """[rad/s], counter-clockwise."""
-    stamp: float
-    """`time.monotonic()` at which it was computed [s]."""
-    vy: float = 0.0
-    """Of an omni, to the left [m/s]."""
+    v: float  # [m/s]
+    omega: float  # [rad/s], counter-clockwise
+    stamp: float  # `time.monotonic()` at which it was computed [s]
+    vy: float = 0.0  # of an omni, to the left [m/s]
 
     @property
     def speeds(self) -> Speeds:
@@ -70,10 +58,8 @@ class VelocityCommand:
 class LinkStatus:
     """What a driver knows of the other end; stamps are `time.monotonic()`, -inf for never."""
 
-    connected: bool
-    """Whether the transport is open."""
-    heartbeat_stamp: float
-    """When the board was last heard."""
+    connected: bool  # whether the transport is open
+    heartbeat_stamp: float  # when the board was last heard
     pose_stamp: float
     """When the source of the pose last gave one: for motion capture the source itself, not the
     autopilot's echo."""
@@ -83,22 +69,17 @@ class LinkStatus:
     pose_ok: bool = True
     """Whether the board trusts its own estimate (EKF flags, valid encoder estimates)."""
     armed: bool = True
-    mode: str = ""
-    """The board's own word for its mode."""
-    faults: tuple[str, ...] = ()
-    """Standing errors in words: over-temperature, encoder lost, ..."""
+    mode: str = ""  # the board's own word for its mode
+    faults: tuple[str, ...] = ()  # standing errors in words: over-temperature, encoder lost, ...
     counters: Mapping[str, int] = field(default_factory=dict)
     """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
-    frame_doubt: str = ""
-    """Why the board's frame may have moved, in words; else empty."""
+    frame_doubt: str = ""  # why the board's frame may have moved, in words; else empty
     restarted: bool = False
     """Whether the board was switched off and on lately: how far the robot rolled is not known."""
-    unmoved: str = ""
-    """The commanded motion that did not happen, in words; else empty."""
+    unmoved: str = ""  # the commanded motion that did not happen, in words; else empty
     scan_stamp: float | None = None
     """When the newest scan of the robot's lidar was measured; None for a robot without one."""
-    scan_faults: tuple[str, ...] = ()
-    """Why no scans come, in words."""
+    scan_faults: tuple[str, ...] = ()  # why no scans come, in words
 
 
 def speeds_of(command: Iterable[float]) -> Speeds:
@@ -121,5 +102,4 @@ def command_of(speeds: Speeds | None, inputs: int) -> tuple[float, ...]:
     return (v, vy, omega) if inputs == 3 else (v, omega)
 
 
-Controller = Callable[[State], VelocityCommand]
-"""All that the bridge knows of a controller."""
+Controller = Callable[[State], VelocityCommand]  # all that the bridge knows of a controller

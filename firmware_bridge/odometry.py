@@ -14,8 +14,7 @@ beginning."""
 SLACK, SHARE = 0.02, 0.1
 """A wheel's step may differ from what its speeds before and after say by this [m], and by this
 share of it: stamps are late, and speeds are filtered."""
-ROLLS = 0.5
-"""A robot whose board restarts is taken to roll on for no longer than this [s]."""
+ROLLS = 0.5  # a robot whose board restarts is taken to roll on for no longer than this [s]
 
 
 def wrapped(difference: float) -> float:
@@ -34,10 +33,8 @@ class Reading:
     """What a board said of its channels at a time."""
 
     counts: tuple[float, ...]
-    stamp: float
-    """[s]"""
-    speeds: tuple[float, ...] | None
-    """Of the wheels [rad/s]; None if the board does not tell."""
+    stamp: float  # [s]
+    speeds: tuple[float, ...] | None  # of the wheels [rad/s]; None if the board does not tell
 
 
 class WheelOdometry:
@@ -59,8 +56,7 @@ class WheelOdometry:
         self._doubted: Reading | None = None
         self._first: Reading
         self._agreed = 0
-        self.x = self.y = self.theta = 0.0
-        """[m], [m], [rad] in (-pi, pi]"""
+        self.x = self.y = self.theta = 0.0  # [m], [m], [rad] in (-pi, pi]
         self.turned: tuple[float, ...] = geometry.still
         """How far the wheels turned in the last step [rad]."""
         self.beginnings = 0
@@ -188,8 +184,7 @@ class Steering:
 
     def __init__(self, geometry: CarGeometry) -> None:
         self._geometry = geometry
-        self.wanted = 0.0
-        """Commanded curvature [1/m]."""
+        self.wanted = 0.0  # commanded curvature [1/m]
         self._curvature, self._stamp = 0.0, -math.inf
 
     @property

@@ -22,8 +22,7 @@ from firmware_bridge.wheels import TWO_SIDES, Wheels, read_wheels
 from kmpc_lite.reading import read_toml
 
 DRIVERS = tuple(BOARDS)
-TOPICS = "ros2"
-"""In place of a driver where ROS 2 topics are the robot's link: see `kmpc ros2`."""
+TOPICS = "ros2"  # in place of a driver where ROS 2 topics are the robot's link: see `kmpc ros2`
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar", "robot")
 NOMINAL_LATENCY = {**{name: board.latency for name, board in BOARDS.items()}, TOPICS: 0.1}
 """Default for a model without input history [s], by driver."""
@@ -50,11 +49,9 @@ class RobotOptions:
 class LinkOptions:
     """The ``[link]`` section."""
 
-    url: str
-    """serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT or udp:HOST:PORT."""
+    url: str  # serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT or udp:HOST:PORT
     driver: str
-    timeout: float = bounded(0.1, 300.0, "s", 10.0)
-    """How long the board may take to answer [s]."""
+    timeout: float = bounded(0.1, 300.0, "s", 10.0)  # how long the board may take to answer [s]
     pose: str | None = None
     """udp:HOST:PORT where poses from outside arrive; an autopilot is fed with them, else they
     replace the wheels' odometry."""
@@ -79,8 +76,7 @@ class ControlOptions:
     latency: float | None = bounded(0.0, 0.5, "s", None)
     """From a command on the wire to the wheels [s]; if not given `NOMINAL_LATENCY` for a model
     that knows no lag, else 0."""
-    model: str | None = None
-    """File of a learned model; the nominal unicycle if not given."""
+    model: str | None = None  # file of a learned model; the nominal unicycle if not given
     adaptation: bool | None = None
     """Whether a learned model is corrected while driving where the floor contradicts it; if not
     given, that of a robot whose wheels are not steered. The nominal one, which knows no lag, never
@@ -91,8 +87,7 @@ class ControlOptions:
     trust_model: bool = False
     """Whether a model is driven although it is another vehicle's, of another period, or learned
     from slower driving."""
-    scenario: str | None = None
-    """Scenario file, or the name of one that comes with kmpc_lite."""
+    scenario: str | None = None  # scenario file, or the name of one that comes with kmpc_lite
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -103,25 +98,20 @@ class ControlOptions:
 class Robot:
     """A checked robot file."""
 
-    where: str
-    """What to call it in messages."""
+    where: str  # what to call it in messages
     link: LinkOptions
     gate: GateSettings
     control: ControlOptions
     origin: tuple[float, float, float] | None = None
     """Pose of the vehicle's own frame in the scenario's [m, m, rad]; None: the scenario's start for
     wheel odometry, else zero."""
-    socket: Path | None = None
-    """Of the emergency stop; the user's default if not given."""
-    lidar: LidarOptions | None = None
-    """Its lidar, without fresh scans of which it does not drive."""
+    socket: Path | None = None  # of the emergency stop; the user's default if not given
+    lidar: LidarOptions | None = None  # its lidar, without fresh scans of which it does not drive
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """As read; `board` and `geometry` are checked by the driver."""
     name: str | None = None
-    footprint: Any = None
-    """Both of the vehicle: `RobotOptions`."""
-    wheels: Wheels = TWO_SIDES
-    """What it drives on."""
+    footprint: Any = None  # both of the vehicle: `RobotOptions`
+    wheels: Wheels = TWO_SIDES  # what it drives on
 
     @property
     def vehicle(self) -> dict[str, str | float | bool]:

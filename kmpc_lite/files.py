@@ -20,8 +20,7 @@ from kmpc_lite.reading import open_regular
 
 MAX_ARCHIVE_BYTES = 2**28
 """An archive whose arrays take more memory is refused before a byte of them is unpacked."""
-ARCHIVE = b"PK"
-"""What an archive begins with."""
+ARCHIVE = b"PK"  # what an archive begins with
 SAME_DT = 1e-6
 """Relative difference up to which two periods count as one: the digits of a log's time stamps end
 somewhere."""

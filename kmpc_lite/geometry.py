@@ -13,8 +13,7 @@ import numpy as np
 
 from kmpc_lite.types import Array
 
-Pose = tuple[float, float, float]
-"""A pose (x [m], y [m], theta [rad]) in plain floats."""
+Pose = tuple[float, float, float]  # a pose (x [m], y [m], theta [rad]) in plain floats
 
 
 @overload

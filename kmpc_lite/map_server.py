@@ -16,12 +16,9 @@ from kmpc_lite.reading import read_bytes
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 LIMITS = {"occupied_thresh": 0.65, "free_thresh": 0.196}
 """map_server's own, for a file without them."""
-MAP_SAVERS_GREY = 205 / 255
-"""Brightness by which map_saver writes what is unknown."""
-MOST_YAML_BYTES = 2**13
-"""Longest map.yaml."""
-MOST_HEADER_BYTES = 2**16
-"""Longest header of an image."""
+MAP_SAVERS_GREY = 205 / 255  # brightness by which map_saver writes what is unknown
+MOST_YAML_BYTES = 2**13  # longest map.yaml
+MOST_HEADER_BYTES = 2**16  # longest header of an image
 HEADER = re.compile(rb"(P[25])" + 3 * rb"(?:\s++|#[^\n]*+\n)++(\d{1,9}+)" + rb"\s")
 """Possessive: each byte is looked at once, whatever follows."""
 

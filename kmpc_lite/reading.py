@@ -15,8 +15,7 @@ import tomllib
 from collections.abc import Generator
 from typing import Any, BinaryIO
 
-MAX_TOML_BYTES = 2**23
-"""Longest TOML file that is read ..."""
+MAX_TOML_BYTES = 2**23  # longest TOML file that is read ...
 MAX_TOML_VALUES = 2**19
 """... and how much of it may be anything but grids that are drawn in it [characters]: values take
 time."""

@@ -14,12 +14,9 @@ import numpy as np
 
 from kmpc_lite.types import Array
 
-UNIT_RADIUS = 0.15
-"""Radius of the robot that is its own unit [m]: the paper's."""
-UNIT_SPEED = 0.6
-"""Its fastest speed [m/s]."""
-SLOWEST = 50.0
-"""Largest and, inverted, least unit of time that is believed in [s]."""
+UNIT_RADIUS = 0.15  # radius of the robot that is its own unit [m]: the paper's
+UNIT_SPEED = 0.6  # its fastest speed [m/s]
+SLOWEST = 50.0  # largest and, inverted, least unit of time that is believed in [s]
 
 
 @dataclass(frozen=True)

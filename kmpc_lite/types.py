@@ -8,7 +8,5 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 """Any NumPy array; its shape and unit stand in the docstring of whoever takes or gives it."""
-STATES = 3
-"""Length of a robot state ``(x [m], y [m], theta [rad])``."""
-INPUTS = 2
-"""Length of a command ``(v [m/s], omega [rad/s])``."""
+STATES = 3  # length of a robot state ``(x [m], y [m], theta [rad])``
+INPUTS = 2  # length of a command ``(v [m/s], omega [rad/s])``

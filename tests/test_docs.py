@@ -36,8 +36,7 @@ README = ROOT / "README.md"
 RESULTS = [page for page in sorted((DOCS / "results").glob("*.md")) if page.name != "index.md"]
 GALLERY = [p for p in sorted((ROOT / "examples" / "gallery").glob("*.py")) if p.stem != "drawing"]
 EXAMPLES = [*sorted((ROOT / "examples").glob("*.py")), *GALLERY]
-SLOW = ("animate_drive",)
-"""Examples that draw for long."""
+SLOW = ("animate_drive",)  # examples that draw for long
 PROGRAMS = ("kmpc", "kmpc-bridge")
 PATH = re.compile(r"`((?:kmpc_lite|firmware_bridge|lab|tests|examples|docs)/[\w/.-]*)`")
 """Files and folders that a page names; those with NAME in capitals are to be made by the reader."""

@@ -26,8 +26,7 @@ from firmware_bridge.safety.places import default_socket, is_latched
 from firmware_bridge.sensors.sensor_driver import autopilot_of, placed
 from kmpc_lite.cli.command import Command, paint, positive
 
-PREARM = 1.0
-"""How long an autopilot may take to say what keeps it from arming [s]."""
+PREARM = 1.0  # how long an autopilot may take to say what keeps it from arming [s]
 WOULD_DRIVE = "the safety gate would let it drive now"
 ADVICE = {
     Reason.LINK: "plug the cable in, or start the vehicle's end of the link",

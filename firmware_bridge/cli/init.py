@@ -14,18 +14,15 @@ from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import load_robot
 from kmpc_lite.cli.command import Command
 
-BUILT_IN = ("ttyAMA*", "ttyTHS*", "serial[0-9]*")
-"""Ports of a Raspberry Pi's or a Jetson's header."""
+BUILT_IN = ("ttyAMA*", "ttyTHS*", "serial[0-9]*")  # ports of a Raspberry Pi's or a Jetson's header
 PLUGGED_IN = ("ttyACM*", "ttyUSB*")
 
 
 class Port(NamedTuple):
     """A serial port."""
 
-    path: str
-    """What a robot file should say."""
-    device: str
-    """What it is now: /dev/ttyACM0."""
+    path: str  # what a robot file should say
+    device: str  # what it is now: /dev/ttyACM0
 
 
 def serial_ports(root: Path = Path("/dev")) -> list[Port]:

@@ -19,14 +19,10 @@ if TYPE_CHECKING:
     from firmware_bridge.sensors.sighted import SightedDriver
     from kmpc_lite.scenario.world import World
 
-DIRECTIONS = 720
-"""Into which the map is looked at from the sensor."""
-NEAR, SHARE = 0.1, 0.05
-"""A hit fits the map within so much [m], and so much of its distance."""
-BETTER = 0.25
-"""Share of hits that another mount must fit more, to be proposed."""
-FEW = 20
-"""Fewer hits tell nothing."""
+DIRECTIONS = 720  # into which the map is looked at from the sensor
+NEAR, SHARE = 0.1, 0.05  # a hit fits the map within so much [m], and so much of its distance
+BETTER = 0.25  # share of hits that another mount must fit more, to be proposed
+FEW = 20  # fewer hits tell nothing
 
 
 def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
@@ -78,10 +74,8 @@ def fit(scan: Scan, pose: tuple[float, float, float], world: World, mirrored: bo
     return found
 
 
-SELF = 0.25
-"""Hits nearer than this may be the robot itself [m]."""
-DARK = 0.3
-"""A larger share of beams without a return is worth a word."""
+SELF = 0.25  # hits nearer than this may be the robot itself [m]
+DARK = 0.3  # a larger share of beams without a return is worth a word
 
 
 def look(driver: SightedDriver, robot: Robot, seconds: float) -> list[tuple[bool, str]]:

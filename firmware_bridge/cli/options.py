@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 Add = Callable[..., object]
 LAST_PORT = 65535
-HOST, PORT = "127.0.0.1", 8764
-"""As `firmware_bridge.live` has them: a help need not wait for that."""
+HOST, PORT = "127.0.0.1", 8764  # as `firmware_bridge.live` has them: a help need not wait for that
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from firmware_bridge.messages import Speeds
     from firmware_bridge.runtime.record_drive import Covered, Meter
 
-PERIOD = 0.1
-"""Of the rows where the robot file has none [s]."""
+PERIOD = 0.1  # of the rows where the robot file has none [s]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -20,8 +20,7 @@ from firmware_bridge.messages import LinkError
 from firmware_bridge.odometry import WheelOdometry
 from firmware_bridge.options import bounded
 
-VERSION = 2
-"""Of the protocol; version 1 knew two motors and no servo."""
+VERSION = 2  # of the protocol; version 1 knew two motors and no servo
 DRIVEN, WATCHDOG, STOPPED, ENCODER, FAULT = 1, 2, 4, 8, 16
 """Flags of a state: motors driven, watchdog expired, stop input, encoder fault, other fault."""
 ERRORS = {

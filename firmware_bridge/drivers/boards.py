@@ -20,21 +20,16 @@ ROSBOT = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
 class BoardEntry:
     """What the bridge must know of a board before it imports any of its code."""
 
-    name: str
-    """Of its driver in a robot file."""
-    label: str
-    """As its maker writes it."""
-    driver: str
-    """MODULE:CLASS of the near end of its link; imported only where it is needed."""
+    name: str  # of its driver in a robot file
+    label: str  # as its maker writes it
+    driver: str  # MODULE:CLASS of the near end of its link; imported only where it is needed
     latency: float = 0.0
     """From a command to the wheels, for a model without input history, by default
     [s]. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
-    wheels: tuple[str, ...] = ("differential",)
-    """Kinds of wheels that it can drive."""
+    wheels: tuple[str, ...] = ("differential",)  # kinds of wheels that it can drive
     encoders: bool = True
     """Whether it tells how the robot moves; if not, poses must come from outside."""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    """``[board]`` of an emulated robot."""
+    options: Mapping[str, Any] = field(default_factory=dict)  # ``[board]`` of an emulated robot
     geometry: Mapping[str, float] = field(default_factory=lambda: ROSBOT)
     """``[geometry]`` of an emulated robot."""
 

@@ -22,8 +22,7 @@ class MotorBoard:
     """A driver whose arguments are a transport, the robot's geometry, and its board's options."""
 
     board: ClassVar[str] = "board"
-    options_type: ClassVar[type[Any]]
-    """Of the ``[board]`` section of a robot file."""
+    options_type: ClassVar[type[Any]]  # of the ``[board]`` section of a robot file
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> Self:
@@ -45,8 +44,7 @@ class TickingDriver(MotorBoard):
     `transport`: not yet started; the driver starts and closes it. `geometry`: of the robot.
     """
 
-    tick: ClassVar[float]
-    """Between two reminders [s]."""
+    tick: ClassVar[float]  # between two reminders [s]
 
     def __init__(self, transport: Transport, geometry: Geometry) -> None:
         self._transport, self._geometry = transport, geometry

@@ -71,8 +71,7 @@ class ErrorRegister:
     name: str
     words: Mapping[int, str]
     watchdog: int
-    estimate: int
-    """Errors under which position and speed mean nothing."""
+    estimate: int  # errors under which position and speed mean nothing
 
     def text(self, errors: int) -> tuple[str, ...]:
         """Say which errors stand."""
@@ -97,10 +96,8 @@ class ODriveOptions(PolledOptions):
     second_axis: int = bounded(0, 7, "", 1)
     watchdog: float = bounded(0.1, 10.0, "s", 0.5)
     """An axis disarms when it hears no command for so long [s]."""
-    checksum: bool = True
-    """Add an XOR to every line, and want one back; lines without are refused."""
-    clear_errors: bool = False
-    """Clear any standing error on connect; else only an expired watchdog."""
+    checksum: bool = True  # add an XOR to every line, and want one back; lines without are refused
+    clear_errors: bool = False  # clear any standing error on connect; else only an expired watchdog
     command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
     """The driver sends zero when the last command is older [s]; less than the watchdog, so that the
     motors brake before they disarm."""

@@ -21,8 +21,7 @@ from firmware_bridge.link.framing import CobsFrames, cobs_frame
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.options import bounded, check
 
-VERSION, PAYLOAD = 1, 1024
-"""Of the messages, and bytes of one at most."""
+VERSION, PAYLOAD = 1, 1024  # of the messages, and bytes of one at most
 TICK, REPEAT = 0.1, 3
 """Between heartbeats [s]: the board stops without any for 0.5 s; and heartbeats between repetitions
 of obstacles and path, which hold for 1 and 2 s."""
@@ -41,8 +40,7 @@ STANDING = (
 STATUSES = ("SOLVED", "FEASIBLE", "FALLBACK", "STOPPED")
 ESTOPPED = STANDING.index("emergency stop")
 ABOUT, STATE = struct.Struct("<4B6f"), struct.Struct("<4I4BH5f")
-NO_POSE = 0xFFFF
-"""Age of a pose that was never said, or long ago [ms]."""
+NO_POSE = 0xFFFF  # age of a pose that was never said, or long ago [ms]
 
 
 class Kind(IntEnum):

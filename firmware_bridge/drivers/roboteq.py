@@ -36,13 +36,11 @@ MOTOR_FLAGS = (
     "amps trigger",
 )
 """Bits of `?FM`, a number a channel."""
-CLOSED_LOOP_SPEED = (1, 6)
-"""Values of MMOD in which `!S` sets a speed."""
+CLOSED_LOOP_SPEED = (1, 6)  # values of MMOD in which `!S` sets a speed
 REPLY = re.compile(rb"([A-Z]{1,5})=(-?\d{1,10}(?::-?\d{1,10})*)")
 ACCEPTED, REFUSED = b"+", b"-"
 BOTH = "both accepted"
-REFUSALS = 5
-"""Number of consecutive refused commands that is reported."""
+REFUSALS = 5  # number of consecutive refused commands that is reported
 RPM = 60.0
 
 

@@ -16,18 +16,13 @@ from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 from firmware_bridge.options import bounded, check
 
-BAUDING = b"\xaa"
-"""Sets the speed of boards that find it out; others pass over it."""
+BAUDING = b"\xaa"  # sets the speed of boards that find it out; others pass over it
 FORWARD, BACKWARD, TIMEOUT = (0, 4), (1, 5), 14
 """Commands: drive motor 1 and 2, and the serial time-out."""
-FULL = 127
-"""Data of full power."""
-TIMEOUT_UNIT = 0.1
-"""Of the serial time-out [s]; a SyRen's and a Sabertooth's own."""
-TICK = 0.05
-"""Between repetitions of the last command [s]."""
-REMIND = 1.0
-"""Between repetitions of the time-out: a board that was off has forgotten it [s]."""
+FULL = 127  # data of full power
+TIMEOUT_UNIT = 0.1  # of the serial time-out [s]; a SyRen's and a Sabertooth's own
+TICK = 0.05  # between repetitions of the last command [s]
+REMIND = 1.0  # between repetitions of the time-out: a board that was off has forgotten it [s]
 
 
 def packet(address: int, command: int, data: int) -> bytes:

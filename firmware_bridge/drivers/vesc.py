@@ -25,16 +25,12 @@ SET_SERVO_POS = 12
 ALIVE = 30
 FORWARD_CAN = 34
 GET_SELECTIVE = 50
-MASK = 1 << 7 | 1 << 13 | 1 << 15 | 1 << 17
-"""rpm, tachometer, fault, controller id"""
-SELECTIVE = struct.Struct(">BIiiBB")
-"""command, mask, rpm, tachometer, fault, controller id"""
-VALUES = struct.Struct(">BhhiiiihihiiiiiiBiB")
-"""The whole of GET_VALUES up to the controller id."""
+MASK = 1 << 7 | 1 << 13 | 1 << 15 | 1 << 17  # rpm, tachometer, fault, controller id
+SELECTIVE = struct.Struct(">BIiiBB")  # command, mask, rpm, tachometer, fault, controller id
+VALUES = struct.Struct(">BhhiiiihihiiiiiiBiB")  # the whole of GET_VALUES up to the controller id
 VALUES_RPM, VALUES_TACHO, VALUES_FAULT, VALUES_ID = 8, 14, 16, 18
 STEPS_PER_ELECTRIC_TURN = 6
-MAX_PAYLOAD = 128
-"""The longest answer that the driver asks for has about 75 bytes."""
+MAX_PAYLOAD = 128  # the longest answer that the driver asks for has about 75 bytes
 FAULTS = (
     "",
     "over-voltage",
@@ -77,8 +73,7 @@ class VescOptions(PolledOptions):
     can_id: int | None = bounded(0, 253, "", None)
     """Of the second VESC, as VESC Tool shows it; the first is the one on the UART. A car has none.
     """
-    pole_pairs: int = bounded(1, 200)
-    """Of the motors."""
+    pole_pairs: int = bounded(1, 200)  # of the motors
     servo_straight: float = bounded(0.0, 1.0, "", 0.5)
     """Position of a car's servo that steers straight ..."""
     servo_left: float = bounded(0.0, 1.0, "", 0.9)

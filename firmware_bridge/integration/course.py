@@ -22,19 +22,15 @@ Look = Callable[["Moment"], tuple[list[Any], Any] | None]
 Watcher = Callable[[Pose, Any, Any], None]
 """Receives each pose, its plan and its scan, in the thread that plans."""
 NO_OVERRIDES = DriveOverrides()
-HERE = (0.0, 0.0, 0.0)
-"""About this an empty map is drawn if goals are clicked."""
+HERE = (0.0, 0.0, 0.0)  # about this an empty map is drawn if goals are clicked
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
-WITHIN = 0.7
-"""Share of what counts as arrived within which the robot stays: a single pose is noisy."""
+WITHIN = 0.7  # share of what counts as arrived within which the robot stays: a single pose is noisy
 DRIVE_TIME = 120.0
 """How long each goal may take by default [s]: low speeds take longer than a scenario's own limit.
 """
-LOOK_AHEAD = 2.0
-"""Time that the controller plans ahead, however short its period [s]."""
-BUDGET = 0.5
-"""Share of its period that a step may take: none of its commands is to come late."""
+LOOK_AHEAD = 2.0  # time that the controller plans ahead, however short its period [s]
+BUDGET = 0.5  # share of its period that a step may take: none of its commands is to come late
 DEEP = 0.5
 """A pose further inside an obstacle than this share of the robot's radius, or of its half width,
 cannot be true; one that only seems to touch, for a pose's noise or a map's, may drive."""
@@ -48,11 +44,9 @@ class Course(NamedTuple):
     navigator: Any
     period: float
     origin: tuple[float, float, float]
-    notes: tuple[str, ...]
-    """What a user should know before it drives."""
+    notes: tuple[str, ...]  # what a user should know before it drives
     scenario: Any
-    controller: Any
-    """kmpc_lite's."""
+    controller: Any  # kmpc_lite's
     watchers: list[Watcher]
 
 

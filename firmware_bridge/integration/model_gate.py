@@ -18,13 +18,11 @@ from firmware_bridge.safety.gate_settings import Limits
 if TYPE_CHECKING:
     import kmpc_lite as kl
 
-BEYOND = 1.05
-"""Limits may exceed what the log shows by this factor."""
+BEYOND = 1.05  # limits may exceed what the log shows by this factor
 STOP_TIME = 1.0
 """A robot that the log shows to brake harder than the default is to stop from full speed within
 this time [s]."""
-LONGEST_LATENCY = 0.5
-"""Longest latency that a robot file may hold [s]."""
+LONGEST_LATENCY = 0.5  # longest latency that a robot file may hold [s]
 TRUST = "--trust-model uses it nevertheless"
 
 

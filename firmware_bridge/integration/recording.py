@@ -19,12 +19,9 @@ if TYPE_CHECKING:
     from firmware_bridge.runtime.session import Session
     from firmware_bridge.safety.gate import GateOutput
 
-NAME = "drive"
-"""Of the files in a drive's folder, without their endings."""
-STAMPS = 16
-"""Poses that may come while the controller plans."""
-HEALTH_PERIOD = 1.0
-"""Time between two looks at link and vehicle [s]."""
+NAME = "drive"  # of the files in a drive's folder, without their endings
+STAMPS = 16  # poses that may come while the controller plans
+HEALTH_PERIOD = 1.0  # time between two looks at link and vehicle [s]
 
 
 @contextmanager

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     import kmpc_lite as kl
     from kmpc_lite.learn.evaluation import Comparison
 
-HALF = 0.5
-"""Share of the limits at which a rehearsal is driven."""
+HALF = 0.5  # share of the limits at which a rehearsal is driven
 EVERY, LONGEST = 1.0, 40.0
 """How often predictions are compared, and length of driving after which a model must have shown
 that it predicts better [s]."""
@@ -128,10 +127,8 @@ class Rehearsal:
         self._robot, self._model, self._sampler = robot, model, RowSampler(model.dt)
         self._rows: list[tuple[float, ...]] = []
         self._compared = 0
-        self.result: Comparison | None = None
-        """What the comparison says so far."""
-        self.trouble = ""
-        """Why the robot must be stopped, in words."""
+        self.result: Comparison | None = None  # what the comparison says so far
+        self.trouble = ""  # why the robot must be stopped, in words
 
     def on_tick(
         self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
     from firmware_bridge.runtime.timing import Histogram
 
 MODULE = "firmware_bridge.live.page"
-TOLD = 10.0
-"""How long a refusal is shown [s]."""
-NEVER = 1e3
-"""What is older was never heard [s]."""
+TOLD = 10.0  # how long a refusal is shown [s]
+NEVER = 1e3  # what is older was never heard [s]
 
 
 class Showing:
@@ -36,8 +34,7 @@ class Showing:
         from firmware_bridge.live.feed import Feed
 
         self._feed = Feed(page, MODULE, {"socket": str(socket)}, self.hear)
-        self.job: Course | None = None
-        """What is driven, once it is known."""
+        self.job: Course | None = None  # what is driven, once it is known
         self._heard = ("", "")
         """Of the page's thread: the goal that was clicked last, and why it is refused, if it is."""
         self._last: LastStep | None = None

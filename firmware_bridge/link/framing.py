@@ -9,12 +9,10 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 LINE_BYTES = 256
-RUN = 254
-"""Bytes without a zero that one code byte covers."""
+RUN = 254  # bytes without a zero that one code byte covers
 SHORT, LONG, STOP = 0x02, 0x03, 0x03
 ACK = 0xFF
-DEEPEST = 128
-"""An answer that lies deeper in noise than this is not looked for [bytes]."""
+DEEPEST = 128  # an answer that lies deeper in noise than this is not looked for [bytes]
 
 
 def crc16(data: bytes | bytearray) -> int:
@@ -36,13 +34,11 @@ def with_crc(body: bytes) -> bytes:
 class Packets(Generic[T]):
     """Packets out of bytes: what is part of none is passed over."""
 
-    gap = math.inf
-    """Half a packet that is older is given up [s]."""
+    gap = math.inf  # half a packet that is older is given up [s]
 
     def __init__(self) -> None:
         self._buffer, self._stamp = bytearray(), -math.inf
-        self.bad = 0
-        """Bytes passed over."""
+        self.bad = 0  # bytes passed over
 
     def reset(self) -> None:
         """Forget half a packet."""
@@ -117,8 +113,7 @@ class Lines:
 
     def __init__(self) -> None:
         self._buffer, self._dropping = bytearray(), False
-        self.bad = 0
-        """Bytes dropped."""
+        self.bad = 0  # bytes dropped
 
     def reset(self) -> None:
         """Forget half a line."""
@@ -184,8 +179,7 @@ class CobsFrames:
 
     def __init__(self, longest: int) -> None:
         self._longest, self._rest = longest, b""
-        self.bad = 0
-        """Frames that were damaged, or too long."""
+        self.bad = 0  # frames that were damaged, or too long
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes; returns the bodies of the frames that end in them."""
@@ -263,8 +257,7 @@ class RoboClawReplies:
     def __init__(self) -> None:
         self._buffer, self._head = bytearray(), b""
         self._sizes: tuple[int, ...] = ()
-        self.bad = 0
-        """Bytes skipped as part of no answer."""
+        self.bad = 0  # bytes skipped as part of no answer
 
     def expect(self, address: int, command: int, *sizes: int) -> None:
         """Wait for this command's answer, of one of these payload sizes; 0 is the bare 0xFF."""

@@ -16,12 +16,10 @@ from serial.tools import list_ports
 from firmware_bridge.link.threaded import Endpoint, Port
 from firmware_bridge.messages import LinkError
 
-SLOWEST, FASTEST = 300, 12_000_000
-"""Bits per second that a port may be asked for."""
+SLOWEST, FASTEST = 300, 12_000_000  # bits per second that a port may be asked for
 OF_A_TERMINAL = 38400
 """Bits per second of a pseudo-terminal, which has no wire, as the system makes it."""
-READ_BYTES = 1024
-"""Read at once: little, so that whoever takes it in is soon done."""
+READ_BYTES = 1024  # read at once: little, so that whoever takes it in is soon done
 
 
 def explain(path: str, error: OSError) -> str:

@@ -11,12 +11,9 @@ from firmware_bridge.messages import LinkError
 CONNECT_TIMEOUT = 1.0
 READ_BYTES, DATAGRAM_BYTES = 1024, 2048
 """Read at once: little, so that whoever takes it in is soon done. Longer datagrams are cut."""
-RECEIVE_BUFFER = 65536
-"""What waits unread is old: no more than this of it [bytes]."""
-SEND_BUFFER = 8192
-"""Small, so that a peer that stalls cannot pile up old commands [bytes]."""
-PEER_SILENCE = 1.0
-"""A listener takes another UDP peer once the first has been silent this long [s]."""
+RECEIVE_BUFFER = 65536  # what waits unread is old: no more than this of it [bytes]
+SEND_BUFFER = 8192  # small, so that a peer that stalls cannot pile up old commands [bytes]
+PEER_SILENCE = 1.0  # a listener takes another UDP peer once the first has been silent this long [s]
 
 
 class TcpPort:
@@ -86,10 +83,8 @@ class UdpPort:
         self._socket, self._connected = sock, connected
         self._peer: tuple[str, int] | None = None
         self._heard = -float("inf")
-        self.host = host
-        """The peer's, once it has spoken, or as it was known before."""
-        self.refused = 0
-        """Datagrams from others than the peer."""
+        self.host = host  # the peer's, once it has spoken, or as it was known before
+        self.refused = 0  # datagrams from others than the peer
 
     def fileno(self) -> int:
         """Descriptor to poll."""

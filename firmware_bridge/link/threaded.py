@@ -20,8 +20,7 @@ SHARE = 1.0 / 3.0
 BYTES = 1e6
 """Bytes per second that may be read for long: ten times the fastest serial line. Whatever is read
 is recorded, and no flood is to fill the disk."""
-BURST = 0.01
-"""Work that may be done at once after a pause [s]: half a period of the gate."""
+BURST = 0.01  # work that may be done at once after a pause [s]: half a period of the gate
 QUEUE_FRAMES = 32
 BACKOFF_FIRST, BACKOFF_LAST = 0.05, 0.5
 READABLE = select.POLLIN | select.POLLERR | select.POLLHUP | select.POLLNVAL

@@ -10,12 +10,10 @@ from dataclasses import dataclass, field
 from kmpc_lite.errors import KmpcError
 
 LOOPBACK = "127.0.0.1"
-PORT = 8764
-"""Of the page, unless another is given."""
+PORT = 8764  # of the page, unless another is given
 LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"
 """Of a token: none that is taken for another one when it is typed on a phone."""
-TOKEN_LENGTH = 12
-"""59 bits: a guess a millisecond takes a million years."""
+TOKEN_LENGTH = 12  # 59 bits: a guess a millisecond takes a million years
 BACKLOG = 64
 NOBODY = ("192.0.2.1", 9)
 """An address to which nothing is sent: asked by which interface it would be reached."""

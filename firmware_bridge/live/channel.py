@@ -12,8 +12,7 @@ import marshal
 import socket
 from typing import Any, Self
 
-LONGEST = 192 * 1024
-"""Of one packet [bytes]: Linux takes 208 KB at once."""
+LONGEST = 192 * 1024  # of one packet [bytes]: Linux takes 208 KB at once
 Packet = dict[str, Any]
 """Strings, numbers, lists, dicts, None, and float64 arrays as bytes, under a name."""
 

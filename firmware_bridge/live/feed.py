@@ -11,10 +11,8 @@ from typing import Any, Self
 from firmware_bridge.live.address import LiveAddress
 from firmware_bridge.live.channel import Channel, Packet
 
-PERIOD = 0.1
-"""Between two packets [s]."""
-PATIENCE = 2.0
-"""How long the page's process may take to say goodbye [s]."""
+PERIOD = 0.1  # between two packets [s]
+PATIENCE = 2.0  # how long the page's process may take to say goodbye [s]
 Source = Callable[[], Packet]
 """Gives what is true now, from references that whoever drives has left; it must not wait."""
 
@@ -53,8 +51,7 @@ class Feed:
         self._thread: threading.Thread | None = None
         self._source: Source | None = None
         self._still: Packet = {}
-        self.problem = ""
-        """Why the page is served no more, in words; empty while it is."""
+        self.problem = ""  # why the page is served no more, in words; empty while it is
 
     def __enter__(self) -> Self:
         """Serve the page."""

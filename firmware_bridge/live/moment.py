@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 
 MOST_CIRCLES, MOST_POSES = 300, 300
 """Obstacles, the nearest, and poses of a path that are shown: a page draws no more in time."""
-MOST_BEAMS = 720
-"""Beams of a scan that are shown."""
+MOST_BEAMS = 720  # beams of a scan that are shown
 MOST_SOLIDS, MOST_CELLS = 400, 256
 """Polygons and walls that are shown, and cells of a grid along each side."""
-FREE, OCCUPIED, UNKNOWN = 0, 1, 2
-"""Cells of a grid, as the page reads them."""
+FREE, OCCUPIED, UNKNOWN = 0, 1, 2  # cells of a grid, as the page reads them
 
 
 class LastStep(NamedTuple):
@@ -36,8 +34,7 @@ class LastStep(NamedTuple):
 
     pose: tuple[float, float, float]
     plan: Plan
-    insight: Insight
-    """Path and margins behind it."""
+    insight: Insight  # path and margins behind it
     scan: LaserScan | None = None
     """What counted of the scan that it was made from, for a robot with a lidar."""
 

@@ -11,15 +11,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-PATIENCE = 1.0
-"""How long the drive may take to obey a button [s]."""
-DIGITS = 4
-"""Numbers are shown to a tenth of a millimetre."""
+PATIENCE = 1.0  # how long the drive may take to obey a button [s]
+DIGITS = 4  # numbers are shown to a tenth of a millimetre
 LONGEST_TEXT = 500
-LONGER = {"cells": 100_000}
-"""Longest texts of some names: a grid's cells, which come as one."""
-TRAIL, STEP = 2000, 0.02
-"""Poses of the driven path that are kept, so far apart [m]."""
+LONGER = {"cells": 100_000}  # longest texts of some names: a grid's cells, which come as one
+TRAIL, STEP = 2000, 0.02  # poses of the driven path that are kept, so far apart [m]
 
 
 def plain(value: Any, longest: int = LONGEST_TEXT) -> Any:
@@ -52,18 +48,14 @@ class Picture:
     """The newest value under each name, and the path that was driven; threads may share it."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, str] = {}
-        """JSON of each value."""
+        self._parts: dict[str, str] = {}  # JSON of each value
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
         self._news = threading.Condition(threading.RLock())
         self._taken = time.monotonic()
         self._change = "{}"
-        self.version = 0
-        """How many packets came."""
-        self.values: dict[str, Any] = {}
-        """As they came."""
-        self.over = ""
-        """How the drive ended, once it has."""
+        self.version = 0  # how many packets came
+        self.values: dict[str, Any] = {}  # as they came
+        self.over = ""  # how the drive ended, once it has
 
     def take(self, packet: dict[str, Any]) -> str:
         """Take new values; gives the JSON of those that have changed."""

@@ -30,23 +30,17 @@ Ask = Callable[[str], dict[str, Any]]
 """Carries out "stop", "reset", "enable" or "goal X Y THETA", however long that takes; gives the
 answer: ok, latched, gate, confirmed, why."""
 GOAL = "goal "
-STOPPED = "ESTOP"
-"""State of a gate whose emergency stop is pressed."""
+STOPPED = "ESTOP"  # state of a gate whose emergency stop is pressed
 CONNECTIONS, LINES, WATCHERS, ASKING = 256, 64, 128, 4
 """At once: those that have asked for nothing lasting, those that are kept for a STOP, those that
 watch, and requests of people that are carried out; stops share one."""
 PATIENCE, LINE_PATIENCE = 5.0, 30.0
 """How long a client may say or take nothing, and how long on a line that is kept [s]."""
-LONGEST_BODY = 1024
-"""[bytes]"""
-BUFFER = 65536
-"""Of the kernel's, for one watcher [bytes]: what waits there is old."""
-SILENCE = 0.5
-"""Watchers see how long nothing has come from the program that drives, so often [s]."""
-OBEY = 1.0
-"""How long the gate may take to carry out a reset: only then does an enable count [s]."""
-FAREWELL = 0.5
-"""For the last words to leave [s]."""
+LONGEST_BODY = 1024  # [bytes]
+BUFFER = 65536  # of the kernel's, for one watcher [bytes]: what waits there is old
+SILENCE = 0.5  # watchers see how long nothing has come from the program that drives, so often [s]
+OBEY = 1.0  # how long the gate may take to carry out a reset: only then does an enable count [s]
+FAREWELL = 0.5  # for the last words to leave [s]
 STATIC = Path(__file__).with_name("static")
 FILES = {
     "/": ("index.html", "text/html; charset=utf-8"),
@@ -78,8 +72,7 @@ class Buttons:
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
         self._two = TwoActions()
-        self._goal = ""
-        """What the second action carries out: a goal, else it lets the robot drive."""
+        self._goal = ""  # what the second action carries out: a goal, else it lets the robot drive
         self._few, self._lock = threading.Semaphore(ASKING), threading.Lock()
         self._stopping: Future[dict[str, Any]] = Future()
         self._stopping.set_result({})
@@ -188,8 +181,7 @@ class Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     timeout = PATIENCE
     disable_nagle_algorithm = True
-    is_line = False
-    """Kept for a STOP: a page asks for one, on which its STOP meets no crowd."""
+    is_line = False  # kept for a STOP: a page asks for one, on which its STOP meets no crowd
 
     def do_GET(self) -> None:
         """Give a file, the picture, or the stream of its changes."""

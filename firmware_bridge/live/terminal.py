@@ -13,8 +13,7 @@ from firmware_bridge.safety.gate_table import GateState
 
 PERIOD, ENDED = 0.2, (GateState.RELEASED, GateState.YIELDED, GateState.ESTOP)
 """Between pictures [s]; states of which the user is told what goes on."""
-BAR = 10
-"""Half width of a speed's bar, in characters."""
+BAR = 10  # half width of a speed's bar, in characters
 UP, CLEAR = "\x1b[{}F", "\x1b[2K"
 NO_WRAP, WRAP = "\x1b[?7l", "\x1b[?7h"
 """Lines are cut at the edge while drawing: a wrapped one would take two."""

@@ -17,13 +17,11 @@ from typing import Generic, TypeVar
 from firmware_bridge.messages import ConfigError
 
 T = TypeVar("T")
-WRITE_PERIOD = 0.25
-"""Between writes [s]."""
+WRITE_PERIOD = 0.25  # between writes [s]
 SYNC_PERIOD = 0.5
 """Between syncs to the disk [s]: with what waits for its turn, a power cut costs less than the last
 second."""
-QUEUE = 100_000
-"""Records that may wait for the disk."""
+QUEUE = 100_000  # records that may wait for the disk
 
 
 class DurableFile(Generic[T]):
@@ -53,12 +51,9 @@ class DurableFile(Generic[T]):
         """Pieces that are not in the file yet."""
         self._quit = threading.Event()
         self._trouble = self._ended = ""
-        self.dropped = 0
-        """Records that were lost: the disk was too slow, or full."""
-        self.size = 0
-        """Bytes of whole records in the file, the header among them."""
-        self.written = -len(self._waiting)
-        """Records in the file."""
+        self.dropped = 0  # records that were lost: the disk was too slow, or full
+        self.size = 0  # bytes of whole records in the file, the header among them
+        self.written = -len(self._waiting)  # records in the file
         self._write()
         self._thread = threading.Thread(
             target=self._run, name=f"bridge-log-{path.suffix}", daemon=True

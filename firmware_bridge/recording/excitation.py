@@ -15,8 +15,7 @@ from firmware_bridge.messages import STILL, ConfigError, Speeds, State, Velocity
 from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.wheels import TWO_SIDES, Wheels
 
-LEAST = 0.3
-"""Share of its speed at which a car at least drives while it turns towards the middle."""
+LEAST = 0.3  # share of its speed at which a car at least drives while it turns towards the middle
 OTHER_END = 2.0
 """A car drives on with the end that it began with until that points this far from the middle [rad].
 """
@@ -24,28 +23,17 @@ TIGHT = (0.5, 1.0)
 """Shares of its speed at which a car shows its tightest turn: `kmpc run` turns no faster."""
 SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Of v and omega, one scenario after the other (paper, sec. V.B)."""
-FIRST_DELAY = 0.4
-"""How late the robot is taken to answer until that is measured [s] ..."""
-CAUTION = 2.0
-"""... and by how much the measured delay is multiplied where the robot turns back."""
-SHORTEST_DELAY = 0.15
-"""Shortest delay that is reckoned with [s]: pose delay, control period, link."""
-TURN_GAIN = 2.0
-"""Turn rate towards the middle per heading error [1/s] ..."""
-TURN_SHARE = 0.5
-"""... and largest product of it and the delay."""
-DASH = 0.6
-"""Share of a scenario after which the dash begins, if it has not by then."""
-SHORTEST = 15.0
-"""Length of a scenario [s], at least ..."""
-HOLDS = 30.0
-"""... and in holds ..."""
-ROUNDS = 1.5
-"""... unless all scenarios would not come so often within the recording."""
-SLOWEST = 0.25
-"""Share of the limits below which a fence is too small for the robot."""
-SPARE = 1.2
-"""Room that is kept for turning back, as a multiple of what is needed."""
+FIRST_DELAY = 0.4  # how late the robot is taken to answer until that is measured [s] ...
+CAUTION = 2.0  # ... and by how much the measured delay is multiplied where the robot turns back.
+SHORTEST_DELAY = 0.15  # shortest delay that is reckoned with [s]: pose delay, control period, link
+TURN_GAIN = 2.0  # turn rate towards the middle per heading error [1/s] ...
+TURN_SHARE = 0.5  # ... and largest product of it and the delay.
+DASH = 0.6  # share of a scenario after which the dash begins, if it has not by then
+SHORTEST = 15.0  # length of a scenario [s], at least ...
+HOLDS = 30.0  # ... and in holds ...
+ROUNDS = 1.5  # ... unless all scenarios would not come so often within the recording.
+SLOWEST = 0.25  # share of the limits below which a fence is too small for the robot
+SPARE = 1.2  # room that is kept for turning back, as a multiple of what is needed
 
 
 class Fastest(NamedTuple):
@@ -64,13 +52,10 @@ class Fastest(NamedTuple):
 class Place(NamedTuple):
     """Where a robot is, seen from the middle."""
 
-    x: float
-    """[m]"""
+    x: float  # [m]
     y: float
-    theta: float
-    """[rad]"""
-    half: tuple[float, float]
-    """How far from the middle it turns back [m]."""
+    theta: float  # [rad]
+    half: tuple[float, float]  # how far from the middle it turns back [m]
 
     def off(self, leading: float) -> float:
         """Angle from a direction to that of the middle [rad]."""
@@ -88,8 +73,7 @@ class Ways:
     `wheels`: of the robot.
     """
 
-    room = 0.0
-    """What turning back takes beside braking [m]."""
+    room = 0.0  # what turning back takes beside braking [m]
 
     def __init__(self, wheels: Wheels) -> None:
         self._radius = wheels.radius
@@ -174,8 +158,7 @@ class OmniWays(Ways):
         return most * v, 0.0, most * vy
 
 
-WAYS = {"differential": Ways, "car": CarWays, "omni": OmniWays}
-"""By kind of wheels."""
+WAYS = {"differential": Ways, "car": CarWays, "omni": OmniWays}  # by kind of wheels
 
 
 class Excitation:
@@ -219,8 +202,7 @@ class Excitation:
         self._queue: deque[tuple[Speeds, float]] = deque()
         self._command = STILL
         self._left: tuple[float, float] | None = None
-        self.returning = False
-        """Whether it is on its way back to the middle."""
+        self.returning = False  # whether it is on its way back to the middle
         self.trouble = ""
         """Why the robot must be stopped, in words; empty while it turns back as commanded."""
         self._refuse_small()

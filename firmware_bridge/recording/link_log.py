@@ -21,10 +21,8 @@ TLOG_STAMP = struct.Struct(">Q")
 class Chunk(NamedTuple):
     """Bytes that passed at one time."""
 
-    time: float
-    """Of `time.monotonic` [s]."""
-    incoming: bool
-    """From the board."""
+    time: float  # of `time.monotonic` [s]
+    incoming: bool  # from the board
     data: bytes
 
 

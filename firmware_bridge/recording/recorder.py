@@ -33,15 +33,11 @@ HEADER = HEADERS[TWO_SIDES.kind]
 class Tick(NamedTuple):
     """One tick of the loop, as far as a log wants it."""
 
-    now: float
-    """[s]"""
+    now: float  # [s]
     state: State | None
-    command: Speeds | None
-    """What was sent in this tick."""
-    driven: bool
-    """Whether the robot is to be recorded: it obeys our commands."""
-    fresh: bool = False
-    """Whether the command is the first of a new plan."""
+    command: Speeds | None  # what was sent in this tick
+    driven: bool  # whether the robot is to be recorded: it obeys our commands
+    fresh: bool = False  # whether the command is the first of a new plan
 
 
 class RowSampler:
@@ -60,8 +56,7 @@ class RowSampler:
         self._poses: deque[State] = deque(maxlen=256)
         self._commands: deque[tuple[float, Speeds]] = deque(maxlen=256)
         self._origin: float | None = None
-        self._next: float | None = None
-        """Time of the next row [s]; None between episodes."""
+        self._next: float | None = None  # time of the next row [s]; None between episodes
         self._last_row = -math.inf
 
     def take(self, tick: Tick) -> list[tuple[float, ...]]:

@@ -13,14 +13,10 @@ from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_settings import Limits
 from firmware_bridge.safety.gate_table import GateState
 
-WINDOW = 1.0
-"""Time over which motion and commands are compared [s]: the pose's noise weighs little."""
-LONGEST = 2.0
-"""Latest answer that is looked for [s]."""
-RECENT = 6.0
-"""Motion that lies longer ago is forgotten [s]."""
-LEAST = 1.0
-"""Commanded motion at the largest speed before anything is reported [s]."""
+WINDOW = 1.0  # time over which motion and commands are compared [s]: the pose's noise weighs little
+LONGEST = 2.0  # latest answer that is looked for [s]
+RECENT = 6.0  # motion that lies longer ago is forgotten [s]
+LEAST = 1.0  # commanded motion at the largest speed before anything is reported [s]
 Command = Speeds
 CAR = ', or a car, which cannot turn on the spot: robot.wheels = {kind = "car", ...}'
 """What else it may be if it does not turn."""
@@ -29,27 +25,19 @@ WAYS = {
     "turn": "left it turns right",
     "drive sideways": "left it goes right",
 }
-EVERY = 1.0
-"""How often it is judged [s]."""
-LIKENESS = 0.7
-"""Correlation of motion and commands from which on the motion counts as an answer."""
-MOVES = 0.05
-"""Smallest share of the commanded motion."""
-REMEMBERED = 15
-"""Measured delays of which the median counts."""
+EVERY = 1.0  # how often it is judged [s]
+LIKENESS = 0.7  # correlation of motion and commands from which on the motion counts as an answer
+MOVES = 0.05  # smallest share of the commanded motion
+REMEMBERED = 15  # measured delays of which the median counts
 
 
 class Answer(NamedTuple):
     """One speed's answer."""
 
-    told: float
-    """Recently commanded motion [m or rad]."""
-    gain: float
-    """Share of it that the robot went; negative: the other way."""
-    likeness: float
-    """Correlation of commanded and measured motion, -1 to 1."""
-    delay: float
-    """How late it answers [s]."""
+    told: float  # recently commanded motion [m or rad]
+    gain: float  # share of it that the robot went; negative: the other way
+    likeness: float  # correlation of commanded and measured motion, -1 to 1
+    delay: float  # how late it answers [s]
 
 
 class AnswerMeter:
@@ -149,8 +137,7 @@ class DriveWatch:
         self._judged = -math.inf
         self.stretches: list[list[Command]] = []
         """Mean commands on the wire, a row a period, of each stretch without an interruption."""
-        self.trouble = ""
-        """Why the robot must be stopped, in words; empty while nothing is wrong."""
+        self.trouble = ""  # why the robot must be stopped, in words; empty while nothing is wrong
 
     @property
     def delay(self) -> float | None:

@@ -19,12 +19,10 @@ from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
 from kmpc_lite.control.insight import insight
 
-PERIOD, SLOWER = 0.2, 5
-"""Between two plans [s]; number of plans between two diagnostics."""
+PERIOD, SLOWER = 0.2, 5  # between two plans [s]; number of plans between two diagnostics
 GREEN, BLUE, WHITE = (0.1, 0.7, 0.2, 0.9), (0.1, 0.4, 0.9, 0.6), (1.0, 1.0, 1.0, 0.9)
 PALE = (0.1, 0.4, 0.9, 0.1)
-HEIGHT, LIFETIME = 0.2, Duration(seconds=2)
-"""Of markers [m]; one that is not sent again vanishes."""
+HEIGHT, LIFETIME = 0.2, Duration(seconds=2)  # of markers [m]; one that is not sent again vanishes
 UNABLE = (GateState.ESTOP, GateState.RELEASED)
 
 

@@ -26,18 +26,14 @@ SILENT, RATES, SPAN = 0.5, (0.8, 1.25), 2.0
 """Age from which a simulator's clock counts as stopped [s]; how much slower or faster than real
 time it may run, since the controller's period and the gate's patience are of real time; over which
 time that is measured [s]."""
-ENDS = 10.0
-"""How long its threads may take to end, on a busy computer [s]."""
-LOOK = 1.0
-"""Between two looks at what others publish, and at maps that wait for a transform [s]."""
-DIFFERS = 0.1
-"""Smallest difference of clocks that is reported [s]."""
+ENDS = 10.0  # how long its threads may take to end, on a busy computer [s]
+LOOK = 1.0  # between two looks at what others publish, and at maps that wait for a transform [s]
+DIFFERS = 0.1  # smallest difference of clocks that is reported [s]
 SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """As map servers and AMCL publish: whoever comes late gets the last one."""
 NEWEST = QoSProfile(depth=1)
-Goal = tuple[float, float, float]
-"""x, y [m] and heading [rad] in the frame that is driven in."""
+Goal = tuple[float, float, float]  # x, y [m] and heading [rad] in the frame that is driven in
 
 
 class Ros2Driver:
@@ -59,17 +55,13 @@ class Ros2Driver:
         self.grids = [GridInput(name, options, lookup) for name in options.maps.split()]
         self.scans = [ScanInput(name, mount, scan_age, lookup) for name in options.scans.split()]
         self._on_goal: Callable[[Goal], str] | None = None
-        self._early: Goal | None = None
-        """A goal that came before anybody took goals."""
+        self._early: Goal | None = None  # a goal that came before anybody took goals
         self._is_wanted: Callable[[], bool] = lambda: True
-        self.path: list[Place] = []
-        """Of another planner, if it is followed."""
-        self.refused_goal = ""
-        """Why the newest goal was not taken."""
+        self.path: list[Place] = []  # of another planner, if it is followed
+        self.refused_goal = ""  # why the newest goal was not taken
         self.counters = Counter(messages=0, errors=0, commands=0)
         self._last_error, self._differ = "", ""
-        self._ticks: deque[tuple[float, float]] = deque()
-        """Our time and the simulator's [s]."""
+        self._ticks: deque[tuple[float, float]] = deque()  # our time and the simulator's [s]
         self._curvature, self._idle_since = 0.0, -math.inf
         self._executor: SingleThreadedExecutor | None = None
         self._threads: list[threading.Thread] = []

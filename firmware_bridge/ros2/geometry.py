@@ -14,10 +14,8 @@ import kmpc_lite as kl
 from firmware_bridge.messages import State
 from firmware_bridge.sensors.pose import PoseFilter, SourcePose
 
-FARTHEST = 1e5
-"""Translations beyond this are no robot's [m]."""
-UNIT = 0.1
-"""A quaternion's squared length may differ from 1 by so much."""
+FARTHEST = 1e5  # translations beyond this are no robot's [m]
+UNIT = 0.1  # a quaternion's squared length may differ from 1 by so much
 LEVEL = 0.97
 """Cosine of the largest tilt of a map or a scanner, 14 degrees: a plane that is tilted farther cuts
 the floor's."""
@@ -26,22 +24,17 @@ SPACING = 0.1
 CLOSE, WOBBLE = 1e-4, 0.02
 """Points nearer to each other are one [m]; the path is smoothed by so much [m]: half a usual cell.
 """
-END = 0.05
-"""A path that ends farther from the goal leads elsewhere [m]."""
+END = 0.05  # a path that ends farther from the goal leads elsewhere [m]
 NONE = "no path to this goal on the topic plan"
 
 
 class Place(NamedTuple):
     """A place in the plane, seen from above."""
 
-    x: float
-    """[m]"""
-    y: float
-    """[m]"""
-    theta: float
-    """Of the x axis, counter-clockwise [rad]."""
-    upright: float = 1.0
-    """Cosine of the tilt: 1 upright, -1 upside down."""
+    x: float  # [m]
+    y: float  # [m]
+    theta: float  # of the x axis, counter-clockwise [rad]
+    upright: float = 1.0  # cosine of the tilt: 1 upright, -1 upside down
 
     def of(self, inner: Place) -> Place:
         """Where `inner`, a place in a frame that lies here, is.
@@ -99,8 +92,7 @@ class Transforms:
     def __init__(self, node: Any, oldest: float) -> None:
         self._node, self._oldest = node, oldest
         self._buffer: Any = None
-        self.missing = ""
-        """Why none is known, in words, if `tf2_ros` is not installed; else empty."""
+        self.missing = ""  # why none is known, in words, if `tf2_ros` is not installed; else empty
 
     def lookup(self, target: str, source: str) -> Place | None:
         """Where the frame `source` lies in `target`; None if no chain of fresh ones leads there."""
@@ -190,10 +182,8 @@ def _looking_ahead(poses: np.ndarray) -> np.ndarray:
     return np.vstack([poses[:1], np.column_stack([places, headings]), poses[-1:]])
 
 
-FASTEST = 100.0
-"""Speeds beyond this are no robot's [m/s, rad/s]."""
-KEPT = 500
-"""Odometry that is kept for a localisation that needs time: ten seconds of 50 Hz."""
+FASTEST = 100.0  # speeds beyond this are no robot's [m/s, rad/s]
+KEPT = 500  # odometry that is kept for a localisation that needs time: ten seconds of 50 Hz
 APART = 0.1
 """Farthest an odometry may lie in time from the localisation that it is compared with [s]."""
 
@@ -208,16 +198,12 @@ class PoseInput:
     def __init__(self, frame: str, lookup: Lookup | None) -> None:
         self._frame, self._lookup = frame, lookup
         self.filter = PoseFilter()
-        self.base = "base_link"
-        """The robot's own frame, as odometry says."""
+        self.base = "base_link"  # the robot's own frame, as odometry says
         self._odom_frame = frame
-        self._newest: State | None = None
-        """In the odometry's frame."""
-        self._seen: deque[tuple[float, Place]] = deque(maxlen=KEPT)
-        """Stamps and places of odometry."""
+        self._newest: State | None = None  # in the odometry's frame
+        self._seen: deque[tuple[float, Place]] = deque(maxlen=KEPT)  # stamps and places of odometry
         self._corrected: Place | None = None
-        self.refused = 0
-        """Poses that are not finite, or have no orientation."""
+        self.refused = 0  # poses that are not finite, or have no orientation
 
     def take_odometry(self, message: Any, local: float, now: float) -> None:
         """Take an Odometry that came at `now`, whose stamp is `local` on a clock of ours [s]."""

@@ -35,8 +35,7 @@ class GridInput:
         self._changed = False
         self._received = -math.inf
         self.grid: OccupancyGrid | None = None
-        self.refused = ""
-        """Why the newest map was not taken."""
+        self.refused = ""  # why the newest map was not taken
 
     def take(self, message: Any, now: float) -> None:
         """Take an OccupancyGrid that came at `now` [s]."""
@@ -115,10 +114,8 @@ class ScanInput:
         self._mount = None if mount is None else Place(*mount)
         self._message: Any = None
         self._place: Place | None = None
-        self.stamp = -math.inf
-        """Of the newest scan's last beam, on our clock [s]."""
-        self.refused = ""
-        """Why the newest scan was not taken."""
+        self.stamp = -math.inf  # of the newest scan's last beam, on our clock [s]
+        self.refused = ""  # why the newest scan was not taken
 
     def take(self, message: Any, first: float, base: str, now: float) -> None:
         """Take a LaserScan that came at `now`, whose first beam is of the time `first` [s].

@@ -33,8 +33,7 @@ class Ros2Options:
     """Oldest map to drive by [s]; 0: any, since a map server sends it once."""
     map_threshold: float = bounded(1.0, 100.0, "", 65.0)
     """Cells from this value on are occupied; 100 for a costmap, whose lower values are inflated."""
-    unknown_is_free: bool = False
-    """Whether the robot may drive through unknown cells of a map."""
+    unknown_is_free: bool = False  # whether the robot may drive through unknown cells of a map
     transform_tolerance: float = bounded(0.1, 60.0, "s", 2.0)
     """A transform that moves and is older is not believed [s]."""
     enable_stamped_cmd_vel: bool = False

@@ -12,8 +12,7 @@ from firmware_bridge.runtime.statistics import Statistics
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import Action, GateState
 
-LATE_PLAN = 1.5
-"""After this many periods a command is sent again although no new plan has come."""
+LATE_PLAN = 1.5  # after this many periods a command is sent again although no new plan has come
 
 
 class CommandSender:

@@ -15,10 +15,8 @@ from firmware_bridge.runtime.timing import Deadlines, Histogram
 
 Predict = Callable[[State, float, float, float, float], State]
 """State after holding v [m/s] and omega [rad/s] for dt [s], and an omni's vy [m/s]."""
-RECENT = 21
-"""Number of recent steps from which the time of the next one is estimated."""
-OLDEST_POSE = 0.5
-"""Oldest pose that a controller is asked to plan from [s]."""
+RECENT = 21  # number of recent steps from which the time of the next one is estimated
+OLDEST_POSE = 0.5  # oldest pose that a controller is asked to plan from [s]
 
 
 def unicycle_arc(state: State, v: float, omega: float, dt: float, vy: float = 0.0) -> State:

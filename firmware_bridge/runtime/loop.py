@@ -23,10 +23,8 @@ from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import GateState, Reason
 from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
-FINISHED = "finished"
-"""Why a drive is stopped that has come to its end."""
-GIVE_UP = 2.0
-"""How long after the ramp and the hold a board may take to obey the release [s]."""
+FINISHED = "finished"  # why a drive is stopped that has come to its end
+GIVE_UP = 2.0  # how long after the ramp and the hold a board may take to obey the release [s]
 DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.inf, ready=False)
 """Status of a driver that raises."""
 
@@ -64,19 +62,15 @@ class ControlLoop:
         self._unmoved = Unmoved(UnmovedOptions(patience=gate.settings.unmoved))
         self._held, self._suspension = STILL, Suspension()
         self.statistics = Statistics()
-        self.changes: deque[Change] = deque(maxlen=1000)
-        """The gate's last changes of state."""
-        self.changes_total = 0
-        """Number of all changes."""
+        self.changes: deque[Change] = deque(maxlen=1000)  # the gate's last changes of state
+        self.changes_total = 0  # number of all changes
         self.snapshot: Snapshot | None = None
-        self.stop_reason = ""
-        """Why the loop ends, once it does."""
+        self.stop_reason = ""  # why the loop ends, once it does
         self.why_stopped: tuple[str, ...] = ()
         """What was wrong when it was asked to end: afterwards it is given back, and not ready."""
         self._abort = False
         self._started = clock()
-        self.drove_from: float | None = None
-        """When the gate first let commands pass [s]."""
+        self.drove_from: float | None = None  # when the gate first let commands pass [s]
 
     @property
     def began(self) -> float:

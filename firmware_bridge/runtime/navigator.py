@@ -15,15 +15,12 @@ from typing import Any, NamedTuple
 from firmware_bridge.messages import STILL, Speeds, State, VelocityCommand
 
 Pose = tuple[float, float, float]
-SHOWN = 10
-"""Goals of a route that are still reported once they are held."""
-PARTS = 4
-"""Places between two poses at which the distance to obstacles is checked."""
+SHOWN = 10  # goals of a route that are still reported once they are held
+PARTS = 4  # places between two poses at which the distance to obstacles is checked
 STANDING = 1.0
 """A robot counts as moving while its command would carry it out of its tolerances within this time
 [s]: it would leave its goal again while it brakes."""
-Circles = Any
-"""Rows x, y, radius [m], and what else the planner takes: an array or a list of lists."""
+Circles = Any  # rows x, y, radius [m], and what else the planner takes: an array or a list of lists
 
 
 class Route:
@@ -43,10 +40,8 @@ class Route:
 
     def __init__(self, goals: Sequence[Pose], loop: bool = False, clicked: bool = False) -> None:
         self.goals, self.loop, self.clicked = tuple(goals), loop, clicked
-        self.idle = clicked
-        """Whether no goal is given yet."""
-        self.held = 0
-        """How many goals were held so far, all rounds counted."""
+        self.idle = clicked  # whether no goal is given yet
+        self.held = 0  # how many goals were held so far, all rounds counted
 
     def hold(self) -> None:
         """Note that the present goal is held: the next one becomes the goal."""
@@ -99,31 +94,24 @@ class Route:
 class Moment:
     """What a session knows at the time of a plan, beside the pose."""
 
-    driving: bool = False
-    """Whether commands pass the gate."""
+    driving: bool = False  # whether commands pass the gate
     held: Speeds | None = None
     """Mean command on the wire since the last plan; None if it is not known."""
     scan: Any = None
     """What the lidar sees from the pose; None without one, or before its first turn."""
     began: float | None = None
     """When commands first passed the gate [s]; None: at the first plan that drives."""
-    stamp: float = 0.0
-    """Of the pose [s]: when the command will act."""
+    stamp: float = 0.0  # of the pose [s]: when the command will act
 
 
 class Planned(NamedTuple):
     """What a planner answers."""
 
-    v: float
-    """[m/s]"""
-    omega: float
-    """[rad/s]"""
-    status: str
-    """A word on how the plan came about."""
-    reason: str = ""
-    """Why it does not drive to the goal, in words; empty if it does."""
-    vy: float = 0.0
-    """Of an omni, to the left [m/s]."""
+    v: float  # [m/s]
+    omega: float  # [rad/s]
+    status: str  # a word on how the plan came about
+    reason: str = ""  # why it does not drive to the goal, in words; empty if it does
+    vy: float = 0.0  # of an omni, to the left [m/s]
 
 
 Step = Callable[[Pose, Circles, Moment], Planned]
@@ -134,12 +122,9 @@ class Task:
     """The goal of a drive, its tolerances, and the obstacles."""
 
     goal: Pose
-    tolerance: float
-    """[m]"""
-    heading_tolerance: float
-    """[rad]"""
-    radius: float
-    """Of the robot [m]."""
+    tolerance: float  # [m]
+    heading_tolerance: float  # [rad]
+    radius: float  # of the robot [m]
     circles_at: Callable[[float], Circles]
     """Obstacles at a time since the beginning of the drive [s]."""
     gap_at: Callable[[Pose, float], float] | None = None
@@ -147,8 +132,7 @@ class Task:
     between edges [m]; None: of the circles."""
     misplaced: Callable[[Pose], str] | None = None
     """Says why a robot cannot stand at the pose from which it would begin, in words; else empty."""
-    route: Route | None = None
-    """Goals one after the other; `goal` alone if not given."""
+    route: Route | None = None  # goals one after the other; `goal` alone if not given
 
 
 class Navigator:
@@ -175,15 +159,13 @@ class Navigator:
         self._settle = settle
         self._seconds = seconds
         self._clock = clock
-        self.route = task.route or Route((task.goal,))
-        """Which goal it drives to."""
+        self.route = task.route or Route((task.goal,))  # which goal it drives to
         self._wish: Pose | None = None
         self.passed: deque[str] = deque(maxlen=SHOWN)
         """The last goals that were held before the last one, in words."""
         self.reason = ""
         """Why the last plan is none that drives to the goal, in words, where its planner says."""
-        self.refused = ""
-        """Why it was not driven from where it stood, in words; else empty."""
+        self.refused = ""  # why it was not driven from where it stood, in words; else empty
         self._wait = seconds if wait is None else wait
         self._started: float | None = None
         self._began: float | None = None

@@ -37,12 +37,10 @@ class Operator(Protocol):
 class Change:
     """The gate went from one state to another."""
 
-    time: float
-    """On the loop's clock [s]."""
+    time: float  # on the loop's clock [s]
     before: GateState
     after: GateState
-    why: tuple[str, ...]
-    """What was wrong then."""
+    why: tuple[str, ...]  # what was wrong then
 
 
 @dataclass(frozen=True)

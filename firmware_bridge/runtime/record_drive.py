@@ -16,21 +16,17 @@ from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
 
-METER_PERIOD = 1.0
-"""Period of the reports on what the log shows so far [s]."""
-BAR = 10
-"""Length of a part's bar, in characters."""
+METER_PERIOD = 1.0  # period of the reports on what the log shows so far [s]
+BAR = 10  # length of a part's bar, in characters
 
 
 @dataclass(frozen=True)
 class RandomDriving:
     """How a robot is driven at random."""
 
-    hold: float | None = None
-    """How long a command is held [s]; None: it follows from the robot."""
+    hold: float | None = None  # how long a command is held [s]; None: it follows from the robot
     seed: int = 0
-    until_covered: bool = False
-    """Whether it ends as soon as the log shows all that a model needs."""
+    until_covered: bool = False  # whether it ends as soon as the log shows all that a model needs
 
 
 class Covered(Protocol):
@@ -133,8 +129,7 @@ class Recording:
         self._began: float | None = None
         self._measured = 0.0
         self._coverage: Covered | None = None
-        self.trouble = ""
-        """Why it was ended before its time."""
+        self.trouble = ""  # why it was ended before its time
 
     @property
     def note(self) -> str:

@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGQUIT)
 """Each brakes and releases: Ctrl-C, service manager, lost terminal, Ctrl-Z, Ctrl-backslash."""
-FAREWELL = 0.1
-"""Time for the last bytes to leave before the link is closed [s]."""
+FAREWELL = 0.1  # time for the last bytes to leave before the link is closed [s]
 LATE_STEPS = 1.3
 """A controller's output that is older than this many periods is late: the robot is slowed."""
 SWITCH = 0.0005
@@ -156,8 +155,7 @@ class Session:
         self.logs = DriveLogs(output)
         self._handlers: dict[int, Any] = {}
         self._connecting = True
-        self.sight: Sight | None = None
-        """What the lidar sees, for a robot with one."""
+        self.sight: Sight | None = None  # what the lidar sees, for a robot with one
         self.estop = EmergencyStop(default_socket() if robot.socket is None else robot.socket)
 
     def __enter__(self) -> Self:

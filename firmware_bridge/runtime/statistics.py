@@ -11,8 +11,7 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.observer import Change
 from firmware_bridge.runtime.timing import Histogram
 
-REPORTED_CHANGES = 100
-"""The gate's last changes of state that a report lists."""
+REPORTED_CHANGES = 100  # the gate's last changes of state that a report lists
 
 
 @dataclass
@@ -20,11 +19,9 @@ class Statistics:
     """Counts of a drive; their memory does not grow."""
 
     ticks: int = 0
-    skipped: int = 0
-    """Ticks left out after a stall."""
+    skipped: int = 0  # ticks left out after a stall
     sent: int = 0
-    refused: int = 0
-    """Commands that the driver would not take."""
+    refused: int = 0  # commands that the driver would not take
     driver_errors: int = 0
     last_error: str = ""
     reasons: Counter[str] = field(default_factory=Counter)

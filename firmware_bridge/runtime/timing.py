@@ -7,12 +7,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar
 
-POLL = 0.005
-"""Between two looks of `listen` [s]."""
-FLOOR = 1e-6
-"""Shorter times count as this [s]."""
-RATIO = 1.01
-"""Width of a bin: percentiles are right to 1 %."""
+POLL = 0.005  # between two looks of `listen` [s]
+FLOOR = 1e-6  # shorter times count as this [s]
+RATIO = 1.01  # width of a bin: percentiles are right to 1 %
 BINS = int(math.log(1e9) / math.log(RATIO)) + 1
 
 
@@ -89,8 +86,7 @@ class Deadlines:
 
     def __init__(self, period: float, start: float) -> None:
         self.period, self._start, self._index = period, start, 0
-        self.skipped = 0
-        """Instants that went by unused."""
+        self.skipped = 0  # instants that went by unused
 
     @property
     def next(self) -> float:
@@ -144,8 +140,7 @@ def table(rows: Mapping[str, Histogram]) -> str:
 
 CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 """Goes on while the computer sleeps, on Linux; if there is none, nothing tells of sleep."""
-SHORTEST = 0.5
-"""Less sleep than this is none [s]."""
+SHORTEST = 0.5  # less sleep than this is none [s]
 
 
 def asleep() -> float:

@@ -26,19 +26,13 @@ from firmware_bridge.safety.places import is_latched, latch_file, link_here, set
 
 LONGEST_PATH = 107
 BACKLOG = 128
-PRESSED = "the emergency stop is pressed: kmpc estop --reset first"
-"""Why `enable` is refused then."""
+PRESSED = "the emergency stop is pressed: kmpc estop --reset first"  # why `enable` is refused then
 WORDS = ("stop", "reset", "enable", "confirm", "status")
-POLL = 0.02
-"""How often the latch file is looked at [s]; a request on the socket is served at once."""
-CLIENT_PATIENCE = 1.0
-"""How long a client may take for its request [s]; it delays no other client."""
-CONFIRM_PATIENCE = 0.4
-"""How long the answer to a request waits for the gate to obey [s]."""
-LOOKS = 3
-"""So many ticks of the gate until what was asked for shows in what it tells."""
-CLIENTS = 64
-"""One more connection than this closes the oldest: its client tries again."""
+POLL = 0.02  # how often the latch file is looked at [s]; a request on the socket is served at once
+CLIENT_PATIENCE = 1.0  # how long a client may take for its request [s]; it delays no other client
+CONFIRM_PATIENCE = 0.4  # how long the answer to a request waits for the gate to obey [s]
+LOOKS = 3  # so many ticks of the gate until what was asked for shows in what it tells
+CLIENTS = 64  # one more connection than this closes the oldest: its client tries again
 LONGEST_WORD = 64
 ACCEPTED_AT_ONCE = 16
 
@@ -160,15 +154,11 @@ class Client:
     """A connected client."""
 
     peer: socket.socket
-    until: float
-    """When the connection is closed, or its answer sent, at the latest [s]."""
+    until: float  # when the connection is closed, or its answer sent, at the latest [s]
     said: bytes = b""
-    word: str | None = None
-    """What it asked for, once it has; nothing more is read from it then."""
-    refusal: str = ""
-    """Why that is refused, in words; else empty."""
-    look: int = 0
-    """The gate's look in which what it asked for shows."""
+    word: str | None = None  # what it asked for, once it has; nothing more is read from it then
+    refusal: str = ""  # why that is refused, in words; else empty
+    look: int = 0  # the gate's look in which what it asked for shows
 
 
 class EmergencyStop:

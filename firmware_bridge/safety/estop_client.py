@@ -11,10 +11,8 @@ from typing import Any
 from firmware_bridge.messages import LinkError
 from firmware_bridge.safety.places import set_latch
 
-PATIENCE = 2.0
-"""How long a bridge may take to answer, all attempts together [s]."""
-ATTEMPT, PAUSE = 0.5, 0.02
-"""How long one attempt may take, and between two [s]."""
+PATIENCE = 2.0  # how long a bridge may take to answer, all attempts together [s]
+ATTEMPT, PAUSE = 0.5, 0.02  # how long one attempt may take, and between two [s]
 
 
 class NoBridge(LinkError):

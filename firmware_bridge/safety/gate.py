@@ -33,24 +33,19 @@ shrinks for the whole time, or a machine that stalls would brake late."""
 LONGEST_STALL = 1.0
 """A gate that stood still for longer than this, and than `hold`, does not let the robot drive on by
 itself: the world is another one by then [s]."""
-RESEND = 0.5
-"""How often the release is sent again until the board has obeyed [s]."""
+RESEND = 0.5  # how often the release is sent again until the board has obeyed [s]
 
 
 @dataclass(frozen=True)
 class GateOutput:
     """What to do now."""
 
-    v: float
-    """[m/s]"""
-    omega: float
-    """[rad/s]"""
+    v: float  # [m/s]
+    omega: float  # [rad/s]
     action: Action
     state: GateState
-    reasons: tuple[Reason, ...]
-    """What is wrong now, whatever the state."""
-    vy: float = 0.0
-    """Of an omni, to the left [m/s]."""
+    reasons: tuple[Reason, ...]  # what is wrong now, whatever the state
+    vy: float = 0.0  # of an omni, to the left [m/s]
 
     @property
     def speeds(self) -> Speeds:

@@ -11,10 +11,8 @@ from dataclasses import dataclass, field
 from firmware_bridge.messages import ConfigError, Speeds
 from firmware_bridge.options import bounded, check
 
-STANDS = 1e-3
-"""Speed that no wheel drives [m/s, rad/s]."""
-ZERO = 1e-9
-"""Speeds below this [m/s, rad/s] are zero."""
+STANDS = 1e-3  # speed that no wheel drives [m/s, rad/s]
+ZERO = 1e-9  # speeds below this [m/s, rad/s] are zero
 TICK = 0.02
 """Period of the gate [s]: a lost input is noticed at most this much late, and stops are sent this
 often."""
@@ -27,20 +25,14 @@ class Limits:
     Raises ConfigError: names the limit that is out of range.
     """
 
-    v_max: float = bounded(1e-4, 100.0, "m/s", 0.3)
-    """Forward [m/s]."""
+    v_max: float = bounded(1e-4, 100.0, "m/s", 0.3)  # forward [m/s]
     v_reverse: float = bounded(0.0, 100.0, "m/s", 0.3)
     """Backwards [m/s]; 0 for a robot that must not."""
-    omega_max: float = bounded(1e-4, 100.0, "rad/s", 0.8)
-    """Either way [rad/s]."""
-    acceleration: float = bounded(1e-3, 1e3, "m/s^2", 1.0)
-    """Away from zero [m/s^2]."""
-    deceleration: float = bounded(1e-3, 1e3, "m/s^2", 1.0)
-    """Towards zero [m/s^2]."""
-    angular_acceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)
-    """Away from zero [rad/s^2]."""
-    angular_deceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)
-    """Towards zero [rad/s^2]."""
+    omega_max: float = bounded(1e-4, 100.0, "rad/s", 0.8)  # either way [rad/s]
+    acceleration: float = bounded(1e-3, 1e3, "m/s^2", 1.0)  # away from zero [m/s^2]
+    deceleration: float = bounded(1e-3, 1e3, "m/s^2", 1.0)  # towards zero [m/s^2]
+    angular_acceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)  # away from zero [rad/s^2]
+    angular_deceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)  # towards zero [rad/s^2]
     v_sideways: float | None = bounded(1e-4, 100.0, "m/s", None)
     """Of an omni, either way [m/s]; `v_max` if not given."""
 
@@ -121,17 +113,14 @@ class GateSettings:
     """
 
     limits: Limits = field(default_factory=Limits)
-    watchdog: float = bounded(0.01, 60.0, "s", 0.25)
-    """Oldest controller output that is sent [s]."""
+    watchdog: float = bounded(0.01, 60.0, "s", 0.25)  # oldest controller output that is sent [s]
     pose_age: float = bounded(0.01, 60.0, "s", 0.25)
     """Oldest pose to drive on [s]: the robot is slowed from `slow_from` of it on, and brakes past
     it."""
     scan_age: float = bounded(0.01, 60.0, "s", 0.5)
     """Oldest scan to drive on, for a robot with a lidar [s]: as `pose_age`."""
-    heartbeat_age: float = bounded(0.01, 60.0, "s", 0.25)
-    """How long the board may be silent [s]."""
-    hold: float = bounded(0.01, 60.0, "s", 1.0)
-    """How long zeros are sent before the release [s]."""
+    heartbeat_age: float = bounded(0.01, 60.0, "s", 0.25)  # how long the board may be silent [s]
+    hold: float = bounded(0.01, 60.0, "s", 1.0)  # how long zeros are sent before the release [s]
     settle: float = bounded(0.01, 60.0, "s", 0.5)
     """How long nothing may be wrong before the robot drives (again) [s]."""
     slow_from: float = bounded(0.0, 1.0, "(a share)", 0.6)

@@ -22,16 +22,11 @@ class UnmovedOptions:
 
     patience: float = 1.0
     """How long it may take to answer [s]: longer than any robot's lag; 0: for ever."""
-    travel: float = 0.15
-    """Smallest commanded distance before that [m]; noise of a pose is far less."""
-    turn: float = 1.0
-    """Or to turn so far [rad]: a skid-steer robot may stick at a slow turn."""
-    share: float = 0.1
-    """Share of the commanded motion below which a robot does not move."""
-    every: float = 0.1
-    """Between two poses that are remembered [s]."""
-    remembered: int = 200
-    """How many of them: they reach back far enough for a robot that creeps."""
+    travel: float = 0.15  # smallest commanded distance before that [m]; noise of a pose is far less
+    turn: float = 1.0  # or to turn so far [rad]: a skid-steer robot may stick at a slow turn
+    share: float = 0.1  # share of the commanded motion below which a robot does not move
+    every: float = 0.1  # between two poses that are remembered [s]
+    remembered: int = 200  # how many of them: they reach back far enough for a robot that creeps
     stall: float = 0.3
     """Longest time between two looks; after a longer one the motion is unknown [s]."""
 
@@ -39,12 +34,9 @@ class UnmovedOptions:
 class Moment(NamedTuple):
     """Commanded and measured motion up to a time."""
 
-    now: float
-    """[s]"""
-    told: Pose
-    """Where the commands alone lead [m, m, rad]; headings are not wrapped."""
-    seen: Pose
-    """The measured pose."""
+    now: float  # [s]
+    told: Pose  # where the commands alone lead [m, m, rad]; headings are not wrapped
+    seen: Pose  # the measured pose
 
 
 class Unmoved:

@@ -17,10 +17,8 @@ from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import ConfigError, LinkStatus, State
 from firmware_bridge.sensors.sensor_driver import SensorDriver
 
-LONGEST = 512
-"""A datagram longer than this is no pose [bytes]."""
-WINDOW = 10.0
-"""The shortest way from the source to us is looked for among the poses of so long [s]."""
+LONGEST = 512  # a datagram longer than this is no pose [bytes]
+WINDOW = 10.0  # the shortest way from the source to us is looked for among the poses of so long [s]
 RESTART = 1.0
 """A stamp that runs back, or ahead of ours, by more than this comes from a clock that was set anew
 [s]."""
@@ -30,17 +28,13 @@ begins at nothing. One that jumps on is not believed until it has been steady fo
 SLACK, FASTEST = 0.15, 3.0
 """A pose farther from the last than `SLACK` [m] and `FASTEST` [m/s] allow is a jump: exchanged
 markers, or a robot that is carried."""
-TURN_SLACK, TURN_FASTEST = 0.5, 10.0
-"""The same of the heading [rad, rad/s]."""
-FARTHEST = 1e5
-"""Positions beyond this are no robot's [m]."""
+TURN_SLACK, TURN_FASTEST = 0.5, 10.0  # the same of the heading [rad, rad/s]
+FARTHEST = 1e5  # positions beyond this are no robot's [m]
 SETTLED = 0.5
 """Poses that agree with one another for so long are believed again, wherever they are [s]; by then
 the gate has stopped the robot."""
-SILENCE = 0.25
-"""A longer gap between poses is counted [s]."""
-TOLD = 1.0
-"""How long non-finite numbers of a source are reported [s]."""
+SILENCE = 0.25  # a longer gap between poses is counted [s]
+TOLD = 1.0  # how long non-finite numbers of a source are reported [s]
 KEYS = ("stamp", "x", "y", "theta")
 COUNTERS = (
     "poses",
@@ -104,11 +98,9 @@ class PoseFilter:
 
     def __init__(self) -> None:
         self.counters = dict.fromkeys(COUNTERS, 0)
-        self.latest: SourcePose | None = None
-        """Newest that is believed, stamped with our clock."""
+        self.latest: SourcePose | None = None  # newest that is believed, stamped with our clock
         self._heard: float | None = None
-        self._nonsense = -math.inf
-        """When it last sent non-finite numbers [s]."""
+        self._nonsense = -math.inf  # when it last sent non-finite numbers [s]
         self._source_stamp = -math.inf
         self._restarts: deque[float] = deque(maxlen=RESTARTS + 1)
         """When its clock was last set anew [s]."""

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from firmware_bridge.messages import State
 from firmware_bridge.sensors.lidar.options import LidarOptions
 
-KEPT = 256
-"""Number of poses that are remembered: two seconds of a fast source."""
-AHEAD = 0.3
-"""A pose is carried on with its own speeds for so long at the most [s]."""
+KEPT = 256  # number of poses that are remembered: two seconds of a fast source
+AHEAD = 0.3  # a pose is carried on with its own speeds for so long at the most [s]
 
 
 class Trail:
@@ -201,14 +199,10 @@ class Sweep:
     angles: Array
     """Directions of the beams in the order in which they were measured, counter-clockwise from the
     sensor's front (N,) [rad]."""
-    ranges: Array
-    """Distances (N,) [m]; inf: nothing within reach; NaN: nothing is known."""
-    stamps: Array
-    """`time.monotonic()` of each beam (N,) [s]."""
-    range_min: float
-    """[m]"""
-    range_max: float
-    """[m]"""
+    ranges: Array  # distances (N,) [m]; inf: nothing within reach; NaN: nothing is known
+    stamps: Array  # `time.monotonic()` of each beam (N,) [s]
+    range_min: float  # [m]
+    range_max: float  # [m]
 
     @property
     def stamp(self) -> float:
@@ -225,23 +219,16 @@ class Sweep:
 class Scan:
     """One turn as if it were measured at once, its beams equally far apart."""
 
-    ranges: Array
-    """Distances (N,) [m]; inf: nothing within reach; NaN: nothing is known."""
-    angle_min: float
-    """Direction of the first beam, counter-clockwise from the sensor's front [rad]."""
-    angle_increment: float
-    """Between two beams [rad]."""
-    range_min: float
-    """[m]"""
-    range_max: float
-    """[m]"""
+    ranges: Array  # distances (N,) [m]; inf: nothing within reach; NaN: nothing is known
+    angle_min: float  # direction of the first beam, counter-clockwise from the sensor's front [rad]
+    angle_increment: float  # between two beams [rad]
+    range_min: float  # [m]
+    range_max: float  # [m]
     mount: tuple[float, float, float]
     """Pose of the sensor when it measured, as seen from the pose for which the scan was asked for
     [m, m, rad]."""
-    stamp: float
-    """When its newest beam was measured [s]."""
-    noise: float = 0.01
-    """Standard deviation of a distance [m]."""
+    stamp: float  # when its newest beam was measured [s]
+    noise: float = 0.01  # standard deviation of a distance [m]
 
     @property
     def angles(self) -> Array:

@@ -30,14 +30,12 @@ class SightedDriver(SensorDriver):
     def __init__(self, driver: Driver, lidar: Lidar, options: LidarOptions) -> None:
         super().__init__(driver)
         self.lidar, self.options = lidar, options
-        self.sight = Sight(options, self.sweep)
-        """What the lidar sees, from where the robot is."""
+        self.sight = Sight(options, self.sweep)  # what the lidar sees, from where the robot is
         self._counted: Sweep | None = None
         self._covered: Sweep | None = None
         self._looked: Sweep | None = None
         self._frozen_scan, self._frozen = FrozenScan(), False
-        self._lock = threading.Lock()
-        """The gate's thread and the planner's ask."""
+        self._lock = threading.Lock()  # the gate's thread and the planner's ask
 
     def connect(self, timeout: float) -> None:
         """Connect the lidar, then the driver: a robot that cannot see is not taken."""

@@ -37,15 +37,12 @@ EVEN_NOISE = 0.3
 would outweigh all others where poses are noisy."""
 NOISE_FLOOR, TURN_NOISE_FLOOR = 1 / 300, 5e-4
 """Smallest noise that a step [radii] and its turn [rad] have: what poses are measured to."""
-ROWS = np.array([[2.0], [1.0]])
-"""Numbers that a step tells of its displacement, and of its turn."""
+ROWS = np.array([[2.0], [1.0]])  # numbers that a step tells of its displacement, and of its turn
 LARGEST_DRIFT = 0.6
 """Sideways drift as a share of the speed, a crab angle of 31 degrees: a floor that slopes or slips
 more makes the robot undrivable."""
-LARGEST_PULL = 0.3
-"""Turn to one side per radius driven [rad]: a flat tyre gives a tenth."""
-STEERED_GAINS = (0.8, 1.25)
-"""Gains of steered wheels beyond which a lag is taken for a gain."""
+LARGEST_PULL = 0.3  # turn to one side per radius driven [rad]: a flat tyre gives a tenth
+STEERED_GAINS = (0.8, 1.25)  # gains of steered wheels beyond which a lag is taken for a gain
 
 
 def residuals(terms: Array, gains: Gains) -> Array:
@@ -64,10 +61,8 @@ def _by_block(gains: Gains) -> Array:
 class Evidence(NamedTuple):
     """Weighed steps, the newest first."""
 
-    terms: Array
-    """(2, 4 + J, 2, n) as of `STEP`, of J lags; 0 where a step does not tell."""
-    tells: Array
-    """(2, n) 1 where the step tells of moving, and of turning."""
+    terms: Array  # (2, 4 + J, 2, n) as of `STEP`, of J lags; 0 where a step does not tell
+    tells: Array  # (2, n) 1 where the step tells of moving, and of turning
 
     @classmethod
     def of(cls, steps: Array, noise: Array, white: Array, length: float) -> Evidence:

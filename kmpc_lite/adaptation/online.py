@@ -40,15 +40,13 @@ LOG = logging.getLogger("kmpc_lite.adaptation")
 FEWEST_STEPS = 8
 """Least number of steps since a change from which a model is given. Steps, not seconds: how surely
 gains are known hangs on how many tell of them."""
-LOOKS = 5
-"""How often a window is looked at while it passes."""
+LOOKS = 5  # how often a window is looked at while it passes
 CONFIRMATION = 20.0
 """Squared distance, with the noise of the newest steps alone, that an alarm must exceed, too: a few
 slow steps would count too much if poses are noisier than in the log."""
 WORSE = 1.1
 """The learned model returns if the adapted one's squared errors are this many times its own."""
-REFUSALS = 2
-"""Times in a row that gains which no floor can cause make the model another robot's."""
+REFUSALS = 2  # times in a row that gains which no floor can cause make the model another robot's
 
 
 class OnlineAdaptation:

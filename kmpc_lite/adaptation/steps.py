@@ -173,14 +173,10 @@ turning. `heading`: its cos and sin, before the step. `speeds`: v^2 and omega^2 
 class Gains(NamedTuple):
     """Correction of a learned model: of velocities, of the turn rate, and turn per metre."""
 
-    ahead: float = 1.0
-    """Factor of the learned velocity."""
-    left: float = 0.0
-    """Drift to the left, as a share of the learned velocity."""
-    turn: float = 1.0
-    """Factor of the learned turn rate."""
-    pull: float = 0.0
-    """Turn to the left per metre driven [rad/m]."""
+    ahead: float = 1.0  # factor of the learned velocity
+    left: float = 0.0  # drift to the left, as a share of the learned velocity
+    turn: float = 1.0  # factor of the learned turn rate
+    pull: float = 0.0  # turn to the left per metre driven [rad/m]
     aside: float = 1.0
     """Factor of the learned speed sideways of an omni; that of other wheels is `ahead`."""
 
@@ -190,10 +186,8 @@ class AdaptationCounts:
     """Steps that gains are estimated from, and others; corrected models that were given."""
 
     used: int = 0
-    still: int = 0
-    """Left out since the robot hardly moved."""
-    rejected: int = 0
-    """Left out as broken measurements."""
+    still: int = 0  # left out since the robot hardly moved
+    rejected: int = 0  # left out as broken measurements
     models: int = 0
 
 
@@ -201,34 +195,23 @@ class AdaptationCounts:
 class AdaptationState:
     """The newest steps, and what has been made of them."""
 
-    steps: Array
-    """(memory,) of `STEP`, a ring."""
+    steps: Array  # (memory,) of `STEP`, a ring
     noise: Array
     """(3, 3, 3) covariance of a step's residuals by 1, v^2, omega^2, by which steps are weighed."""
-    next_model: int = 0
-    """Steps since the change at which the model is given again; 0: not any more."""
-    count: int = 0
-    """Steps taken in since the last change that was no floor."""
-    since: int = 0
-    """Steps since the change: gains are estimated from these."""
-    judged: int = 0
-    """Steps since gains were given."""
-    carried: Array | float = 0.0
-    """Fading sum of the terms before, which whitens the next ones."""
+    next_model: int = 0  # steps since the change at which the model is given again; 0: not any more
+    count: int = 0  # steps taken in since the last change that was no floor
+    since: int = 0  # steps since the change: gains are estimated from these
+    judged: int = 0  # steps since gains were given
+    carried: Array | float = 0.0  # fading sum of the terms before, which whitens the next ones
     given: list[tuple[float, float]] = field(default_factory=list)
     """Way ahead and turn that the model gave for the periods before, the newest first."""
     after: tuple[float, ...] = ()
     """Pose at which the step before ended: one that begins elsewhere shares no noise with it."""
-    gains: Gains = Gains()
-    """The gains in use."""
-    refusals: int = 0
-    """How many times in a row gains were found that no floor can cause."""
-    wrong_model: str = ""
-    """Why the model counts as another robot's; empty while it does not."""
-    ended: str = ""
-    """Why nothing is learned any more; empty while something is."""
-    counts: AdaptationCounts = field(default_factory=AdaptationCounts)
-    """What became of the steps."""
+    gains: Gains = Gains()  # the gains in use
+    refusals: int = 0  # how many times in a row gains were found that no floor can cause
+    wrong_model: str = ""  # why the model counts as another robot's; empty while it does not
+    ended: str = ""  # why nothing is learned any more; empty while something is
+    counts: AdaptationCounts = field(default_factory=AdaptationCounts)  # what became of the steps
 
     def forget(self) -> None:
         """Forget the steps, not the gains."""

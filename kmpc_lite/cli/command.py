@@ -48,8 +48,7 @@ ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "replay", "estop"
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a robot, and of a desk, which kmpc-lab brings; the help shows them in this order."""
 PROGRAM = "kmpc"
-LARGEST = 1e9
-"""Beyond it a number is a slip of the pen."""
+LARGEST = 1e9  # beyond it a number is a slip of the pen
 
 
 class MissingExtra(KmpcError):
@@ -113,14 +112,11 @@ def _nothing(options: argparse.Namespace) -> int:
 class Command:
     """One command, or a group of them."""
 
-    text: str
-    """What it does, in one sentence."""
-    examples: tuple[str, ...]
-    """Command lines; the first word is ``kmpc``."""
+    text: str  # what it does, in one sentence
+    examples: tuple[str, ...]  # command lines; the first word is ``kmpc``
     add_options: Callable[[argparse.ArgumentParser], None] = lambda parser: None
     """Adds the command's options to its parser; ``--json`` is there already."""
-    run: Callable[[argparse.Namespace], int] = _nothing
-    """Does it, and returns the exit status."""
+    run: Callable[[argparse.Namespace], int] = _nothing  # does it, and returns the exit status
     errors: tuple[type[Exception], ...] = ()
     """Reported in one line with exit status 2, like `KmpcError`."""
     commands: Mapping[str, Command] = field(default_factory=dict)
@@ -301,8 +297,7 @@ def count(text: str) -> int:
 
 
 COLOURS = {"red": "31", "green": "32", "yellow": "33"}
-WIDTH = 30
-"""Of the bar [characters]."""
+WIDTH = 30  # of the bar [characters]
 
 
 def paint(text: str, colour: str, stream: TextIO) -> str:

@@ -21,8 +21,7 @@ DICTIONARIES = {
     "hermite1": "Hermite polynomials of degree 1 times [1, cos, sin]",
     "hermite2": "Hermite polynomials of degree 2 times [1, cos, sin]",
 }
-TO_MEND = ("suspect", "--", "cut ")
-"""What a line on a log holds if it asks the user for something."""
+TO_MEND = ("suspect", "--", "cut ")  # what a line on a log holds if it asks the user for something
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -27,8 +27,7 @@ from kmpc_lite.cli.command import (  # noqa: E402  # noqa: E402
 )
 from kmpc_lite.errors import KmpcError  # noqa: E402
 
-LONGEST_LINE = 1000
-"""Longest error message, in characters."""
+LONGEST_LINE = 1000  # longest error message, in characters
 BAD_INPUT, INTERRUPTED, NOBODY_READS = 2, 130, 141
 
 

@@ -37,11 +37,9 @@ _TEXTS = {
 POSE = ("X", "Y", "THETA")
 COLUMNS = ["x", "y", "theta"]
 DEGREES = "deg"
-LARGEST_ROUTE = 2**20
-"""Longest route file that is read [bytes]."""
+LARGEST_ROUTE = 2**20  # longest route file that is read [bytes]
 FEWEST_OF_LOOP = 2
-TURN_SHARE = 4.0
-"""Of the turn rate [rad/s^2], for each m/s^2 of ``--max-acceleration``."""
+TURN_SHARE = 4.0  # of the turn rate [rad/s^2], for each m/s^2 of ``--max-acceleration``
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

@@ -35,10 +35,8 @@ from kmpc_lite.types import Array
 logging.getLogger("kmpc_lite").addHandler(logging.NullHandler())
 LOG = logging.getLogger("kmpc_lite.control")
 NUMBERS = re.compile(r"\d+(\.\d+)?")
-STANDS = np.array([0.15, 0.5])
-"""A robot that moves by less [m], and turns by less [rad], stands."""
-STALLS = 2.0
-"""A robot stands for long after this many times the guide's `stall_time`."""
+STANDS = np.array([0.15, 0.5])  # a robot that moves by less [m], and turns by less [rad], stands
+STALLS = 2.0  # a robot stands for long after this many times the guide's `stall_time`
 LITTLE = 0.1
 """Share of its fastest speed and turn rate below which a robot is hardly commanded to move."""
 
@@ -91,8 +89,7 @@ class Answers:
 
     def __init__(self, problem: NavigationProblem, scale: Scale) -> None:
         self._problem, self._scale = problem, scale
-        self.events = Events()
-        """Told of every plan."""
+        self.events = Events()  # told of every plan
 
     def jump(self, size: tuple[float, float]) -> str:
         """Say that a pose has jumped, by a distance in units and an angle [rad]."""

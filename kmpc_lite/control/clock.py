@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-LEAST_AFTER_SOLVE = 5e-5
-"""Time that a step takes after its plan is verified [s]."""
+LEAST_AFTER_SOLVE = 5e-5  # time that a step takes after its plan is verified [s]
 FORGETTING = 0.95
 """Factor by which the remembered time shrinks with each newer one: twenty quick ones take two
 thirds of it. Counted, not timed: how rarely work is late hangs on how often it is done."""

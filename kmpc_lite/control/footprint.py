@@ -22,15 +22,11 @@ from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
 from kmpc_lite.types import Array
 
-ROUNDING = 1e-9
-"""Share of a length by which a point on a circle may seem to lie outside."""
+ROUNDING = 1e-9  # share of a length by which a point on a circle may seem to lie outside
 KEYS = ("length", "width", "ahead")
-LEAST_EDGE = 1e-6
-"""Corners nearer to each other than this are one [m]."""
-FARTHEST = 1e100
-"""Squares of farther coordinates overflow [m]."""
-BENT = 1e-9
-"""Sine of a corner's turn that rounding may leave on a straight edge."""
+LEAST_EDGE = 1e-6  # corners nearer to each other than this are one [m]
+FARTHEST = 1e100  # squares of farther coordinates overflow [m]
+BENT = 1e-9  # sine of a corner's turn that rounding may leave on a straight edge
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,8 @@ POSITION_LIMIT = 1e4
 broken sensor."""
 EXPECTED = f"expected finite numbers, none beyond {POSITION_LIMIT:g}"
 """What is told of numbers that are not plausible."""
-LARGE = 1.0
-"""Smaller radii are hardly centimetres that were taken for metres [m]."""
-SLOWEST = 15.0
-"""A robot that takes longer to drive its radius is hardly one [s]."""
+LARGE = 1.0  # smaller radii are hardly centimetres that were taken for metres [m]
+SLOWEST = 15.0  # a robot that takes longer to drive its radius is hardly one [s]
 
 
 def to_numbers(name: str, values: ArrayLike) -> Array:

@@ -23,8 +23,7 @@ DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
 class Insight:
     """What the controller had in mind beside its plan."""
 
-    path: Array
-    """(K, 2) points of the path that guidance follows [m]; (0, 2) if there is none."""
+    path: Array  # (K, 2) points of the path that guidance follows [m]; (0, 2) if there is none
     margins: Array
     """(N,) what stages 1 to N of the plan keep from obstacles beyond the radii [m], in the
     direction in which that is most."""

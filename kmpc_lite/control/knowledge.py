@@ -125,12 +125,9 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
 class Knowledge:
     """All that follows from the model in use."""
 
-    model: MotionModel
-    """Predicts, in the robot's units."""
-    margins: Margins | None
-    """None without tightening."""
-    capabilities: Capabilities | None
-    """None without guidance."""
+    model: MotionModel  # predicts, in the robot's units
+    margins: Margins | None  # none without tightening
+    capabilities: Capabilities | None  # none without guidance
 
 
 LITTLE_TURN = 0.25

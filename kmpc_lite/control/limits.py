@@ -23,17 +23,13 @@ ROUNDING = 1.0 + 1e-9
 """A change that is larger than allowed by less than this factor is the largest one allowed."""
 LONGEST_RAMP = 10.0
 """Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
-LITTLE = 1e-9
-"""Rounding error of a count of periods."""
+LITTLE = 1e-9  # rounding error of a count of periods
 SLOWEST = 300.0
 """A robot needs at most this long for a way of its radius, or for a turn of half a radian [s]."""
 HALF_RADIAN = 0.5
-START_TIME = 60.0
-"""From rest, it comes within this time [s] to ..."""
-STARTED = 0.1
-"""... this share of its fastest speed and turn rate at the least."""
-FOLLOWED = 0.01
-"""Share of its fastest commands that a model must let the robot follow at the least."""
+START_TIME = 60.0  # from rest, it comes within this time [s] to ...
+STARTED = 0.1  # ... this share of its fastest speed and turn rate at the least.
+FOLLOWED = 0.01  # share of its fastest commands that a model must let the robot follow at the least
 PROMPT = 0.05
 """Share of a period by which a robot may answer late and still count as one that does at once."""
 AXES = (("speed", "m/s"), ("turn rate", "rad/s"))

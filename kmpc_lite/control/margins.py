@@ -42,10 +42,8 @@ whose pose jumps would ask for nonsense."""
 ADAPTED_SHARE = 0.1
 """Share of the risk of a single command that is taken with an adapted model: it knows its floor
 from a few seconds only."""
-ADDS_UP = 9.0
-"""Periods for which an error that lasts adds up until measured poses have told it."""
-HEADING = 8
-"""Place of the heading's variance in a covariance (9,)."""
+ADDS_UP = 9.0  # periods for which an error that lasts adds up until measured poses have told it
+HEADING = 8  # place of the heading's variance in a covariance (9,)
 UNKNOWN_FLOOR_SLIP = 0.35
 """Standard deviation of a command's error on an unknown floor, as a share of what it drives: a slip
 of 0.2 pushes farther than five times that once in ten thousand periods."""
@@ -57,33 +55,25 @@ those farther away the widest margin is used."""
 class InflatedNoise(NamedTuple):
     """Covariances (2, 9) of a period, by v^2 and by omega^2."""
 
-    plan: Array
-    """Of the later periods of a plan."""
-    lasting: Array
-    """Of errors common to all periods of a plan, in a single one."""
-    command: Array
-    """Of the coming period: larger on an unknown floor."""
-    spreads: bool
-    """Whether there is any noise in a plan."""
+    plan: Array  # of the later periods of a plan
+    lasting: Array  # of errors common to all periods of a plan, in a single one
+    command: Array  # of the coming period: larger on an unknown floor
+    spreads: bool  # whether there is any noise in a plan
 
 
 class FeltNoise(NamedTuple):
     """The noise of a model as inflated by past innovations; worked out once a step."""
 
-    tube: Noise
-    """Of the later periods of a plan, as its margins follow from it."""
-    widest: float
-    """Margin that no plan within the command bounds exceeds [m]."""
+    tube: Noise  # of the later periods of a plan, as its margins follow from it
+    widest: float  # margin that no plan within the command bounds exceeds [m]
     command: Array
     """(2, 9) covariances (3, 3) of the coming period, to be multiplied by v^2 and by omega^2, in
     the robot's frame: larger on an unknown floor."""
     position_errors: Array
     """(4,) variances of the coming period by v^2 and by omega^2, then what lasts of them: of the
     position, in all directions together [m^2] ..."""
-    heading_errors: Array
-    """... and of the heading [rad^2], as `kernels.stop_errors` takes them."""
-    command_errs: bool
-    """Whether there is any noise in the coming period."""
+    heading_errors: Array  # ... and of the heading [rad^2], as `kernels.stop_errors` takes them.
+    command_errs: bool  # whether there is any noise in the coming period
     pose_error: float
     """Quantile of how far the pose is off [m]: only what a clearance has beyond it is sure. Near an
     obstacle every step may use up a share of its clearance; with one that is not sure, many steps

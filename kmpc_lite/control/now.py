@@ -37,49 +37,33 @@ if TYPE_CHECKING:
 class Now:
     """A step: what it works with, and pose, goal and obstacles, in the robot's units."""
 
-    state: ControllerState
-    """All that outlives it; updated."""
-    known: Knowledge
-    """What follows from the model."""
+    state: ControllerState  # all that outlives it; updated
+    known: Knowledge  # what follows from the model
     clock: StepClock
-    pose: Array
-    """(3,) as measured; brought forward by the estimate where poses are old."""
-    goal: Array
-    """(3,), its heading within one turn."""
-    things: Array
-    """(M, 7) what is round: given, seen to move, or remembered (`kernels.clearance`)."""
-    solids: Solids | None
-    """Polygons, walls and grids."""
-    sent: Array | None
-    """(2,) what was really sent in the past period, where the caller says so."""
-    refusal: str = ""
-    """Why the step cannot be planned; empty if it can."""
-    pose_is_known: bool = True
-    """Whether the measured pose is plausible."""
+    pose: Array  # (3,) as measured; brought forward by the estimate where poses are old
+    goal: Array  # (3,), its heading within one turn
+    things: Array  # (M, 7) what is round: given, seen to move, or remembered (`kernels.clearance`)
+    solids: Solids | None  # polygons, walls and grids
+    sent: Array | None  # (2,) what was really sent in the past period, where the caller says so
+    refusal: str = ""  # why the step cannot be planned; empty if it can
+    pose_is_known: bool = True  # whether the measured pose is plausible
     here: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose, its heading within one turn."""
-    turns: float = 0.0
-    """By how much that heading differs [rad]."""
+    turns: float = 0.0  # by how much that heading differs [rad]
     nearby: Nearby | None = None
     """Solids that the robot can come to, and what it has not seen to be free."""
-    scans: tuple[LaserScan, ...] = ()
-    """Seen from the pose as measured."""
-    view: View | None = None
-    """What was seen up to now; none without scans."""
+    scans: tuple[LaserScan, ...] = ()  # seen from the pose as measured
+    view: View | None = None  # what was seen up to now; none without scans
     rolls_on: Array | None = None
     """(3,) by how much farther it comes than its model says, if it answers later than that."""
-    felt: FeltNoise | None = None
-    """The noise, as past innovations inflate it; none without margins."""
+    felt: FeltNoise | None = None  # the noise, as past innovations inflate it; none without margins
     measured: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose as measured, not brought forward."""
-    scanned: int = 0
-    """How many of the things, the last ones, scans have shown to walk."""
+    scanned: int = 0  # how many of the things, the last ones, scans have shown to walk
     perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
     """(P, 7) what seems to walk in scans, but may be a piece of something that stands."""
-    guidance: Guidance | None = None
-    """Where to: the reference along a path; none without guidance."""
-    passes: int = 0
-    """Of the SQP, as far as it has come."""
+    guidance: Guidance | None = None  # where to: the reference along a path; none without guidance
+    passes: int = 0  # of the SQP, as far as it has come
 
     @property
     def unsure(self) -> Array:

@@ -21,42 +21,29 @@ if TYPE_CHECKING:
     from kmpc_lite.control.footprint import Footprint
     from kmpc_lite.control.world.solids import Nearby, Solids
 
-NO_REFERENCE = np.empty((0, STATES))
-"""Of a task that nothing is planned for."""
+NO_REFERENCE = np.empty((0, STATES))  # of a task that nothing is planned for
 
 
 class Task(NamedTuple):
     """What a robot starts from in a step, what it steers for, and what it must be clear of."""
 
-    model: MotionModel
-    """Predicts; its number of past commands is the QP's."""
-    past: Array
-    """(L, 2) commands already sent, oldest first."""
-    last: Array
-    """(2,) the command sent last, zero of a robot that stands."""
-    around: Surroundings
-    """What is around the robot."""
-    margins: Margins | None = None
-    """Beyond the radii; without them no plan is refused."""
-    felt: FeltNoise | None = None
-    """The noise, as past innovations inflate it; given with `margins`."""
-    reference: Array = NO_REFERENCE
-    """(N + 1, 3) states to steer for."""
-    to_goal: bool = False
-    """Whether that is the goal itself, however far, at every stage."""
+    model: MotionModel  # predicts; its number of past commands is the QP's
+    past: Array  # (L, 2) commands already sent, oldest first
+    last: Array  # (2,) the command sent last, zero of a robot that stands
+    around: Surroundings  # what is around the robot
+    margins: Margins | None = None  # beyond the radii; without them no plan is refused
+    felt: FeltNoise | None = None  # the noise, as past innovations inflate it; given with `margins`
+    reference: Array = NO_REFERENCE  # (N + 1, 3) states to steer for
+    to_goal: bool = False  # whether that is the goal itself, however far, at every stage
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""
-    late: int = 0
-    """Stages of the reference to which commands lead that were sent before."""
-    curvature: float = 0.0
-    """In which the wheels of a car stand now [1/m]."""
-    terminal_share: float = 1.0
-    """Part of the terminal weight that counts."""
+    late: int = 0  # stages of the reference to which commands lead that were sent before
+    curvature: float = 0.0  # in which the wheels of a car stand now [1/m]
+    terminal_share: float = 1.0  # part of the terminal weight that counts
     rolls_on: Array | None = None
     """(3,) by how much farther it comes than its model says; none if it answers as that says."""
-    deadline: float = math.inf
-    """When a plan must be there, on the clock of the SQP [s]."""
+    deadline: float = math.inf  # when a plan must be there, on the clock of the SQP [s]
 
 
 NO_PROGRESS = "no progress, on this path and on another one"
@@ -94,18 +81,12 @@ class GoalProgress(Enum):
 class PlannedAround(NamedTuple):
     """The obstacles that a plan was made for."""
 
-    circles: Array
-    """(M, 5) rows x, y, radius [m], vx, vy [m/s], at the plan's beginning."""
-    solids: Solids | None
-    """Polygons, walls and grids, in units of `unit`."""
-    radius: float
-    """Of the robot [m]."""
-    dt: float
-    """Period of the plan [s]."""
-    unit: float = 1.0
-    """Metres of one unit in which the solids are told."""
-    hits: Nearby | None = None
-    """What scans have hit near the robot, in the same units."""
+    circles: Array  # (M, 5) rows x, y, radius [m], vx, vy [m/s], at the plan's beginning
+    solids: Solids | None  # polygons, walls and grids, in units of `unit`
+    radius: float  # of the robot [m]
+    dt: float  # period of the plan [s]
+    unit: float = 1.0  # metres of one unit in which the solids are told
+    hits: Nearby | None = None  # what scans have hit near the robot, in the same units
     footprint: Footprint | None = None
     """Of a robot that is not round; `radius` is then that of the circles that cover it."""
 
@@ -132,8 +113,7 @@ class PlannedAround(NamedTuple):
         return float(self.clearances(states).min())
 
 
-NOTHING_AROUND = PlannedAround(np.empty((0, 5)), None, 0.0, 1.0)
-"""No obstacles."""
+NOTHING_AROUND = PlannedAround(np.empty((0, 5)), None, 0.0, 1.0)  # no obstacles
 
 
 @dataclass(frozen=True, eq=False)

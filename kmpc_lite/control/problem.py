@@ -27,12 +27,10 @@ from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
-GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
-"""The paper's weights, of a goal that may be far away."""
+GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)  # the paper's weights, of a goal that may be far away
 UNIT_DECELERATION = np.array((1.0, 4.0))
 """Of the braking ramp of a robot that is its own unit [m/s^2, rad/s^2]."""
-UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))
-"""Its slack weights [1/m, 1/m^2]."""
+UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))  # its slack weights [1/m, 1/m^2]
 
 
 @dataclass(frozen=True, eq=False)

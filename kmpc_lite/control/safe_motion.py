@@ -60,14 +60,10 @@ be able to turn free."""
 class SafeMotion(NamedTuple):
     """What may be driven."""
 
-    states: Array
-    """(N + 1, 3), rolled out anew where the plan was slowed."""
-    inputs: Array
-    """(N, 2), whose first is the coming command."""
-    commands: Array | None
-    """(T, 2) from the coming command to rest; None if no motion is clear."""
-    slowed: bool = False
-    """Whether the coming command is not the plan's."""
+    states: Array  # (N + 1, 3), rolled out anew where the plan was slowed
+    inputs: Array  # (N, 2), whose first is the coming command
+    commands: Array | None  # (T, 2) from the coming command to rest; None if no motion is clear
+    slowed: bool = False  # whether the coming command is not the plan's
 
 
 class SafeMotions:
@@ -222,8 +218,7 @@ class Verified(NamedTuple):
     """What the next step is warm started from; None if the answer is of no use."""
     motion: Array | None
     """(T, 2) from the coming command to rest; None: the plan must not be driven."""
-    reason: str
-    """What is wrong; empty if nothing is."""
+    reason: str  # what is wrong; empty if nothing is
 
 
 class Verification:

@@ -36,13 +36,11 @@ class Settings:
 
     guidance: bool
     tightening: Literal["learned"] | None
-    pose_age: float
-    """[s]"""
+    pose_age: float  # [s]
     sqp_iterations: int
     tolerance: float
     obstacle_slots: int
-    time_budget: float | None
-    """[s]"""
+    time_budget: float | None  # [s]
     solver: str | MakeSolver
     options: ControllerOptions
     planner: Planner | None

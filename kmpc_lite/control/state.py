@@ -30,8 +30,7 @@ class StandstillState:
 
     place: tuple[float, ...] = (math.nan,) * 6
     """Pose that it has not moved away from, and its goal: another one is a new beginning."""
-    time: float = 0.0
-    """Since it came there [s]."""
+    time: float = 0.0  # since it came there [s]
     ways: Array = field(default_factory=lambda: np.zeros((2, 2)))
     """How far its commands would have driven it since [m], and turned it [rad]; and how far it has
     come from there at the most."""
@@ -45,16 +44,11 @@ class ControllerState:
     adaptation's, which are in metres and seconds.
     """
 
-    base_model: KoopmanModel
-    """The model as it was learned."""
-    model: KoopmanModel
-    """The model in use: the learned one, or that one as corrected by adaptation."""
-    history: CommandHistory
-    """Commands sent, and the past period."""
-    scene: SceneState
-    """Polygons, walls and grids that were prepared."""
-    guide: GuideState | None
-    """Path, search and checkers; none without guidance."""
+    base_model: KoopmanModel  # the model as it was learned
+    model: KoopmanModel  # the model in use: the learned one, or that one as corrected by adaptation
+    history: CommandHistory  # commands sent, and the past period
+    scene: SceneState  # polygons, walls and grids that were prepared
+    guide: GuideState | None  # path, search and checkers; none without guidance
     innovation: InnovationState = field(default_factory=InnovationState)
     """How poses differed from what was predicted, and whether the pose has jumped."""
     lateness: LatenessState | None = None
@@ -65,14 +59,10 @@ class ControllerState:
     """Signed turn to the goal's heading in the step before, without guidance [rad]."""
     standstill: StandstillState = field(default_factory=StandstillState)
     """Where the robot stands, and what it was commanded there."""
-    trajectory: Trajectory | None = None
-    """Last plan: the warm start of the next step."""
-    adaptation: AdaptationState | None = None
-    """Of adaptation; None without it."""
-    seen: LocalMap | None = None
-    """What scans have shown; None without any."""
-    scans: ScanWatchState | None = None
-    """What scanners told last; None without any."""
+    trajectory: Trajectory | None = None  # last plan: the warm start of the next step
+    adaptation: AdaptationState | None = None  # of adaptation; None without it
+    seen: LocalMap | None = None  # what scans have shown; None without any
+    scans: ScanWatchState | None = None  # what scanners told last; None without any
     after_solve: float = 0.0
     """How long the work after a QP has taken lately [s]; a time budget leaves so much for it."""
 

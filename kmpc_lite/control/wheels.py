@@ -30,8 +30,7 @@ class Unsteered:
 
     axes: ClassVar[tuple[int, ...]] = (0, 1)
     inputs: ClassVar[int] = 2
-    curvature: ClassVar[float] = math.inf
-    """Largest curvature [1/m]."""
+    curvature: ClassVar[float] = math.inf  # largest curvature [1/m]
 
     def within(self, commands: Array) -> Array:
         """Bring commands (..., m) within what the wheels can do: all is."""
@@ -60,8 +59,7 @@ class Differential(Unsteered):
 CORRECTION = 0.25
 """How far from the curvature of its reference a car steers to correct, as a share of the largest.
 """
-CREEP = 0.003
-"""Speed at which a car steers where it waits, in the robot's units [m/s]."""
+CREEP = 0.003  # speed at which a car steers where it waits, in the robot's units [m/s]
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import INPUTS, STATES, Array
 
 LIBRARY = "libkmpc.so"
-PATH = 64
-"""Poses of a path at most: KMPC_PATH."""
+PATH = 64  # poses of a path at most: KMPC_PATH
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,12 +26,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
-LAST_WEIGHTS = STATES * (STATES + 1) // 2
-"""Entries of P that weigh the last state."""
-MOST_THINGS = 24
-"""Circles that a step looks at."""
-NO_LIMIT = 1e30
-"""What stands for infinity in numbers that are written."""
+LAST_WEIGHTS = STATES * (STATES + 1) // 2  # entries of P that weigh the last state
+MOST_THINGS = 24  # circles that a step looks at
+NO_LIMIT = 1e30  # what stands for infinity in numbers that are written
 
 
 def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> None:

@@ -39,8 +39,7 @@ RISKS = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
 LEAST_RISK = 0.05
 """Risk that the held-out drives must reach: smaller ones are extrapolated, and from the few
 numbers of a short log to anything."""
-BATCH = 4096
-"""Windows handled at once."""
+BATCH = 4096  # windows handled at once
 
 
 def with_noise(model: KoopmanModel, dataset: Dataset) -> KoopmanModel:

@@ -25,16 +25,14 @@ from kmpc_lite.learn.motion import DEGREES, GOOD, TIMES, Match, Motion, gather, 
 OFFSET, SURE = 25.0, 4.0
 """Angle between motion and heading above which it is reported [degrees]; standard errors that make
 it sure."""
-PERIODS = (1e-4, 5.0)
-"""Time between two rows of any log [s]."""
+PERIODS = (1e-4, 5.0)  # time between two rows of any log [s]
 USUAL, OF_SHARES = (0.25, 4.0), (0.1, 10.0)
 """Factors that a robot may have of its own: slip, gears, a turn that skids; and one whose commands
 are shares of what its motors can do."""
 AHEAD, LATE, TOO_LATE = 0.5, 2.5, 1.2
 """So much before, and after, its command a motion is of another clock [s]; one that comes later
 than so many times what a model can know is refused."""
-TURNED = 1.0
-"""Headings that a robot has taken whose x and y must both have changed [rad]."""
+TURNED = 1.0  # headings that a robot has taken whose x and y must both have changed [rad]
 
 
 @dataclass(frozen=True)
@@ -43,12 +41,9 @@ class Case:
 
     log: Log
     motion: Motion
-    moves: Match
-    """Steps under that reading."""
-    turns: Match
-    """Turns under that reading."""
-    sign: int
-    """Of theta, that fits."""
+    moves: Match  # steps under that reading
+    turns: Match  # turns under that reading
+    sign: int  # of theta, that fits
     scale: float
     """Of theta, that fits: 1, or that of degrees; where it was read in those, of radians."""
 
@@ -354,12 +349,10 @@ CHECKS: tuple[Callable[[Case], str | None], ...] = (
 class LogVerdict(NamedTuple):
     """Result of all checks of a log."""
 
-    suspects: tuple[str, ...]
-    """What is hardly meant and which option mends it, in a line each."""
+    suspects: tuple[str, ...]  # what is hardly meant and which option mends it, in a line each
     delay: float | None = None
     """How long after its command the motion comes [s]; None if the log does not show it."""
-    notes: tuple[str, ...] = ()
-    """What is doubtful of its delay."""
+    notes: tuple[str, ...] = ()  # what is doubtful of its delay
 
     def refuse(self, log: Log) -> None:
         """Refuse a log in which something is suspect.

@@ -25,8 +25,7 @@ from kmpc_lite.types import Array
 STANDING, STOPS_FROM, FALLS = 0.1, 0.5, 0.005
 """Shares of the largest speed: below which a robot counts as commanded to stand; from which a stop
 begins, at least; by which a command falls from one row to the next, at least."""
-REST = 0.5
-"""How long the robot is commanded to stand, at least [s]."""
+REST = 0.5  # how long the robot is commanded to stand, at least [s]
 FEWEST, SURE = 2, 2.0
 """Stops from which on something is said; standard errors by which the robot must drive on farther
 than predicted."""
@@ -41,12 +40,9 @@ each way; turning each way while driving each way, and on the spot [s]; and stop
 class Stop(NamedTuple):
     """Rows of one stop."""
 
-    begin: int
-    """First row whose command is slower than the one before."""
-    rest: int
-    """First row that tells the robot to stand."""
-    end: int
-    """First row that tells it to move again, or the number of rows."""
+    begin: int  # first row whose command is slower than the one before
+    rest: int  # first row that tells the robot to stand
+    end: int  # first row that tells it to move again, or the number of rows
 
 
 def find_stops(speeds: Array, dt: float, largest: float) -> list[Stop]:
@@ -75,10 +71,8 @@ def find_stops(speeds: Array, dt: float, largest: float) -> list[Stop]:
 class Stopping:
     """What a log shows of stopping."""
 
-    delay: float
-    """How late the motion comes [s]."""
-    stops: int
-    """Stops from speed in the log."""
+    delay: float  # how late the motion comes [s]
+    stops: int  # stops from speed in the log
     deceleration: float | None
     """Deceleration that the robot followed [m/s^2]; None if the log holds too few stops."""
 
@@ -144,12 +138,9 @@ def _farther_than_predicted(model: KoopmanModel, episode: Episode, stop: Stop) -
 class Words(NamedTuple):
     """How a way of driving is called."""
 
-    verb: str
-    """What the robot does then: ``reverses``."""
-    advice: str
-    """How it is recorded."""
-    noun: str
-    """What a log lacks without it."""
+    verb: str  # what the robot does then: ``reverses``
+    advice: str  # how it is recorded
+    noun: str  # what a log lacks without it
 
 
 WORDS = {
@@ -182,12 +173,9 @@ WORDS = {
 class Part(NamedTuple):
     """One way of driving, and how much of it a log shows."""
 
-    name: str
-    """Of `WORDS`."""
-    shown: float
-    """[s], or a number of stops."""
-    needed: float
-    """The same unit."""
+    name: str  # of `WORDS`
+    shown: float  # [s], or a number of stops
+    needed: float  # the same unit
 
     @property
     def of(self) -> tuple[str, ...]:
@@ -217,8 +205,7 @@ class Coverage:
     """What a log shows, part by part."""
 
     parts: tuple[Part, ...]
-    tightest: float = 0.0
-    """Radius of the tightest turns in the log [m]; 0 if it turns on the spot."""
+    tightest: float = 0.0  # radius of the tightest turns in the log [m]; 0 if it turns on the spot
 
     @property
     def is_complete(self) -> bool:

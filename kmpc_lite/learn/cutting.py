@@ -16,12 +16,9 @@ from kmpc_lite.types import Array
 JITTER, DRIFT = 0.1, 0.01
 """Share of the period by which a time step may differ, and of the median step by which the mean
 may, before a log counts as uneven."""
-GAP = 2.5
-"""A time step longer than this many periods ends an episode."""
-JUMP = 10.0
-"""Ratio of a step to the largest speed asked, and to nearly all other steps."""
-USUAL = 0.95
-"""Share of the steps that are nearly all."""
+GAP = 2.5  # a time step longer than this many periods ends an episode
+JUMP = 10.0  # ratio of a step to the largest speed asked, and to nearly all other steps
+USUAL = 0.95  # share of the steps that are nearly all
 LONGEST_HOLD = 1.0
 """A command that is not repeated is taken to be held for this long, or for `GAP` of its stream's
 periods, if that is longer [s]."""

@@ -15,10 +15,8 @@ from kmpc_lite.files import SAME_DT, real_array
 from kmpc_lite.geometry import rotate
 from kmpc_lite.types import INPUTS, STATES, Array
 
-MAX_ROWS = 10_000_000
-"""Rows of the longest log that is taken in, or made by resampling."""
-CHUNK = 8192
-"""Rows handled at once: what fits a small board's second-level cache."""
+MAX_ROWS = 10_000_000  # rows of the longest log that is taken in, or made by resampling
+CHUNK = 8192  # rows handled at once: what fits a small board's second-level cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,25 +139,18 @@ def resample(
 class Transitions(NamedTuple):
     """Single steps, gathered over episodes."""
 
-    x: Array
-    """States before, (n, 3)."""
-    u: Array
-    """Commands, (n, m)."""
-    x_next: Array
-    """States after, (n, 3)."""
-    history: Array | None
-    """Commands before `u`, oldest first, (n, L, m); None for L = 0."""
+    x: Array  # states before, (n, 3)
+    u: Array  # commands, (n, m)
+    x_next: Array  # states after, (n, 3)
+    history: Array | None  # commands before `u`, oldest first, (n, L, m); None for L = 0
 
 
 class Pieces(NamedTuple):
     """Equally long pieces of driving, gathered over episodes."""
 
-    states: Array
-    """(n, steps + 1, 3)."""
-    before: Array
-    """Commands before each piece, oldest first, (n, history, m)."""
-    inputs: Array
-    """Commands of each piece, (n, steps, m)."""
+    states: Array  # (n, steps + 1, 3)
+    before: Array  # commands before each piece, oldest first, (n, history, m)
+    inputs: Array  # commands of each piece, (n, steps, m)
 
 
 Parts = TypeVar("Parts", Transitions, Pieces)

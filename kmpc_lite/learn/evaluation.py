@@ -110,8 +110,7 @@ class _Found(NamedTuple):
 
     model: Errors
     nominal: Errors
-    state: float
-    """Of the model, over all three together."""
+    state: float  # of the model, over all three together
     starts: int
 
 
@@ -171,8 +170,7 @@ class Comparison:
     verdict: ModelVerdict
     windows: int
     errors: Errors = (0.0, 0.0, 0.0)
-    nominal: Errors = (0.0, 0.0, 0.0)
-    """Of the nominal robot."""
+    nominal: Errors = (0.0, 0.0, 0.0)  # of the nominal robot
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""

@@ -21,23 +21,17 @@ from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.model.dictionary.response import held_curvatures
 from kmpc_lite.types import Array
 
-SETTLED = 3.0
-"""Time constants after which a response counts as settled: 95 % of its final value."""
+SETTLED = 3.0  # time constants after which a response counts as settled: 95 % of its final value
 LONGEST, KEPT = 1.0, 0.5
 """Longest dead time, and time constant, that is looked for [s]; share of the windows that must
 remain after a history."""
-TIME_CONSTANTS = (0.0, *(0.02 * 1.4 ** np.arange(12)))
-"""Tried first [s]."""
-CLOSEST = 0.025
-"""Dead times that are tried at first lie half a period apart, or so far [s]."""
+TIME_CONSTANTS = (0.0, *(0.02 * 1.4 ** np.arange(12)))  # tried first [s]
+CLOSEST = 0.025  # dead times that are tried at first lie half a period apart, or so far [s]
 WITHIN = 0.8
 """Share of a history within which an answer must be over: else a longer one is looked at."""
-WINDOW = 0.5
-"""Length of the windows whose way is predicted [s]: longer than noise of poses matters."""
-BLOCKS, FOLDS = 16, 8
-"""Parts of the log that must agree, and those that are left out in turn."""
-MOST_STEPS = 20_000
-"""Steps of the log that are looked at."""
+WINDOW = 0.5  # length of the windows whose way is predicted [s]: longer than noise of poses matters
+BLOCKS, FOLDS = 16, 8  # parts of the log that must agree, and those that are left out in turn
+MOST_STEPS = 20_000  # steps of the log that are looked at
 CHANCE = 0.05
 """Probability at which a lag or a ramp may be found that is none, for what is missed is a stop that
 comes too late; and at which answers are left out of those that fit alike."""
@@ -49,10 +43,8 @@ more than two periods apart; and of gains from which on those tell which answer 
 class Response(NamedTuple):
     """Answer of one motor: nothing for `dead_time`, then exponentially towards the command."""
 
-    dead_time: float
-    """[s]."""
-    time_constant: float
-    """[s]."""
+    dead_time: float  # [s]
+    time_constant: float  # [s]
 
     @property
     def delay(self) -> float:
@@ -78,20 +70,16 @@ class Response(NamedTuple):
         return tuple(float(k) for k in answered)
 
 
-AT_ONCE = Response(0.0, 0.0)
-"""A robot that obeys at once."""
+AT_ONCE = Response(0.0, 0.0)  # a robot that obeys at once
 
 
 @dataclass(frozen=True)
 class Found:
     """Response of motors, and what speaks for it."""
 
-    response: Response
-    """The likeliest one."""
-    sure: bool
-    """Whether it explains more than none, beyond chance."""
-    doubt: str = ""
-    """Which others fit alike, in words."""
+    response: Response  # the likeliest one
+    sure: bool  # whether it explains more than none, beyond chance
+    doubt: str = ""  # which others fit alike, in words
 
 
 class Motor:
@@ -119,8 +107,7 @@ class Motor:
         rows = np.concatenate([e + n for e, n in zip(ends, np.cumsum([0, *counts]), strict=False)])
         self._ends, self._begins = rows, rows - length
         self.blocks = min(BLOCKS, len(rows) // 8)
-        self.parts = np.cumsum(counts)[:-1]
-        """Rows at which episodes begin, but for the first."""
+        self.parts = np.cumsum(counts)[:-1]  # rows at which episodes begin, but for the first
         self.told = [np.concatenate([_asked(e, axis) for e in used]) for axis in axes]
         """Commands (T,) of each number: speeds, or curvatures of a car."""
         self.moved = [np.concatenate([e.moved[:, axis] for e in used]) for axis in axes]

@@ -56,14 +56,10 @@ class LearningOptions:
     """How the pose is lifted; the default is the same wherever the robot is."""
     method: Method = "integral"
     symmetric: bool | None = None
-    lags: Lags = "auto"
-    """These three as `fit` takes them."""
-    holdout: float = 0.5
-    """Share of the episodes that is kept for the check."""
-    horizon: float = 1.0
-    """How far ahead the check looks [s]."""
-    seed: int = 0
-    """Of the split."""
+    lags: Lags = "auto"  # these three as `fit` takes them
+    holdout: float = 0.5  # share of the episodes that is kept for the check
+    horizon: float = 1.0  # how far ahead the check looks [s]
+    seed: int = 0  # of the split
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +68,11 @@ class Learned:
 
     model: KoopmanModel
     """Its `info` holds the held-out errors, what it was made of and its margins' quantiles."""
-    train: Dataset
-    """What it was learned from."""
-    held: Dataset
-    """What it was checked and calibrated on."""
-    report: FitReport
-    """Its errors on what was held out."""
-    made: Mapping[str, Any]
-    """From which logs, of which vehicle; see `describe_making`."""
-    uncalibrated: str
-    """Why its margins are not calibrated; empty where they are."""
+    train: Dataset  # what it was learned from
+    held: Dataset  # what it was checked and calibrated on
+    report: FitReport  # its errors on what was held out
+    made: Mapping[str, Any]  # from which logs, of which vehicle; see `describe_making`
+    uncalibrated: str  # why its margins are not calibrated; empty where they are
     facts: Mapping[str, Any]
     """What was found out about the robot; empty if no lags were given or looked for."""
 
@@ -213,10 +204,8 @@ def split_log(
 REMARK, LONGEST = "# vehicle ", 4096
 """What a log's first line begins with where its recorder knew the vehicle, JSON follows; characters
 of the longest such line."""
-ROLLS = 1e-3
-"""Speed below which a command tells no curvature [m/s]."""
-SHOWN = 0.5
-"""A speed counts as driven where the log holds it, or more, for so long [s]."""
+ROLLS = 1e-3  # speed below which a command tells no curvature [m/s]
+SHOWN = 0.5  # a speed counts as driven where the log holds it, or more, for so long [s]
 
 
 def describe_making(

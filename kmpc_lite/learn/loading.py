@@ -23,14 +23,10 @@ from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions, Series
 from kmpc_lite.types import Array
 
-SAMPLES_PER_PERIOD = 20.0
-"""Samples of a stream that are kept within one of the model's periods."""
-STANDING = 0.1
-"""Share of the largest command below which a robot may stand."""
-LATE = 1.5
-"""Periods of a model that may pass between two new poses of a moving robot."""
-LOST = 3.0
-"""Time for which a robot is commanded to move while its pose stands still [s]."""
+SAMPLES_PER_PERIOD = 20.0  # samples of a stream that are kept within one of the model's periods
+STANDING = 0.1  # share of the largest command below which a robot may stand
+LATE = 1.5  # periods of a model that may pass between two new poses of a moving robot
+LOST = 3.0  # time for which a robot is commanded to move while its pose stands still [s]
 
 
 def load_logs(
@@ -121,12 +117,10 @@ class Findings:
     """What was found in one log."""
 
     log: Log
-    lines: dict[str, str]
-    """What there is to say, by what it is about."""
+    lines: dict[str, str]  # what there is to say, by what it is about
     notes: list[str]
     suspects: list[str]
-    doubts: tuple[str, ...]
-    """What is doubtful of the delay."""
+    doubts: tuple[str, ...]  # what is doubtful of the delay
 
     def as_dict(self) -> dict[str, Any]:
         """All of it as values that JSON can hold."""

@@ -78,8 +78,7 @@ def spelled(text: str) -> str:
 LARGEST = 1e9
 """Largest number of a pose or a command [m, rad, m/s, rad/s]: differences of larger ones are lost
 to rounding, and their squares overflow."""
-ALIKE = 1.3
-"""Factor within which a size is that of a unit."""
+ALIKE = 1.3  # factor within which a size is that of a unit
 FORM = re.compile(
     r"(?P<sign>-?)(?P<unit>1?[a-zA-Z/%]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?"
 )
@@ -156,43 +155,33 @@ def reread(column: str, text: str | None, factor: float, offset: float = 0.0) ->
 class Series:
     """Values and the times at which they were true."""
 
-    time: Array
-    """(n,) [s]."""
-    values: Array
-    """Poses x, y, theta or commands v, omega, (n, 3) or (n, m)."""
-    source: str
-    """Where they were found: ``/odom (nav_msgs/msg/Odometry)``."""
+    time: Array  # (n,) [s]
+    values: Array  # poses x, y, theta or commands v, omega, (n, 3) or (n, m)
+    source: str  # where they were found: ``/odom (nav_msgs/msg/Odometry)``
 
 
 class Topic(NamedTuple):
     """One stream of messages in a file."""
 
     name: str
-    kind: str
-    """Type of its messages."""
+    kind: str  # type of its messages
     messages: int
-    rate: float | None
-    """Messages a second; None if the file does not tell [Hz]."""
+    rate: float | None  # messages a second; None if the file does not tell [Hz]
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
     """One file's poses and commands, as they were logged: nothing resampled, nothing unwrapped."""
 
-    name: str
-    """The file, for messages."""
+    name: str  # the file, for messages
     poses: Series
     commands: Series
     together: bool = False
     """Whether row k of both is one row of a table, whose command is held until the next row."""
-    measured: bool = False
-    """Whether the commands are measured speeds, for lack of commands."""
-    topics: tuple[Topic, ...] = ()
-    """All that is in the file, used or not."""
-    notes: tuple[str, ...] = ()
-    """What a user should know of how the file was read, one line each."""
-    where: Callable[[int], str] = "row {}".format
-    """Names a row as the file does: ``line 7``."""
+    measured: bool = False  # whether the commands are measured speeds, for lack of commands
+    topics: tuple[Topic, ...] = ()  # all that is in the file, used or not
+    notes: tuple[str, ...] = ()  # what a user should know of how the file was read, one line each
+    where: Callable[[int], str] = "row {}".format  # names a row as the file does: ``line 7``
     columns: tuple[str, ...] = ("v", "omega")
     """What the numbers of a command are: v and omega; v, lateral and omega; v and steering..."""
     steered: bool = False
@@ -230,23 +219,17 @@ class ReadOptions:
     """Of bags and autopilots' logs: ``{"odom": "/odom", "cmd": "/cmd_vel"}``."""
     units: Mapping[str, str] = field(default_factory=dict)
     """``{"t": "ns", "theta": "-deg+90"}``; see `parse_units`."""
-    frame: str = "enu"
-    """How the poses lie: enu, ned or swapped; see `FRAMES`."""
-    commands: Path | None = None
-    """A table of commands, for logs that hold poses only."""
+    frame: str = "enu"  # how the poses lie: enu, ned or swapped; see `FRAMES`
+    commands: Path | None = None  # a table of commands, for logs that hold poses only
     track: float | None = None
     """Distance between left and right wheels, for commands that are their speeds [m]."""
-    wheel_radius: float | None = None
-    """Of wheels whose speeds are given as turns: rpm, rad/s [m]."""
+    wheel_radius: float | None = None  # of wheels whose speeds are given as turns: rpm, rad/s [m]
     wheelbase: float | None = None
     """Distance between the axles of a car, for commands that are steering angles [m]; found from
     how the poses turn if not given."""
-    shift: float = 0.0
-    """Added to the times of the commands, where their clock is another [s]."""
-    force: bool = False
-    """Whether times that run back are cut rather than refused."""
-    spacing: float = 0.005
-    """Messages of a stream that come closer than this are left out [s]."""
+    shift: float = 0.0  # added to the times of the commands, where their clock is another [s]
+    force: bool = False  # whether times that run back are cut rather than refused
+    spacing: float = 0.005  # messages of a stream that come closer than this are left out [s]
     progress: Callable[[int, int], None] | None = None
     """Called now and then with how much of a large file has been read, and how much there is."""
 

@@ -41,18 +41,13 @@ DEGREES = np.pi / 180.0
 class Motion:
     """A log in even rows (n,), in whatever units and frame it came."""
 
-    period: float
-    """Between two rows."""
-    steps: Array
-    """Of the position from row to row, complex (n - 1,)."""
-    theta: Array
-    """Heading as it came (n,)."""
+    period: float  # between two rows
+    steps: Array  # of the position from row to row, complex (n - 1,)
+    theta: Array  # heading as it came (n,)
     asked: Array
     """What the commands add up to in each step, (n - 1, 2); complex of an omni: ahead + i left."""
-    whole: Array
-    """Whether a step crosses no gap, (n - 1,) bool."""
-    change: float
-    """Rows in which the commands change: windows closer than this are not independent."""
+    whole: Array  # whether a step crosses no gap, (n - 1,) bool
+    change: float  # rows in which the commands change: windows closer than this are not independent
 
     def turned(self, sign: int, scale: float) -> tuple[Array, Array]:
         """Steps seen from the robot, complex, and turns, under one reading of theta."""
@@ -65,22 +60,14 @@ class Motion:
 class Match(NamedTuple):
     """How well commands explain a motion, at the best delay and length of windows."""
 
-    share: float = 0.0
-    """Of the motion's energy: 1 is all of it."""
-    chance: float = 1.0
-    """Share that chance could explain."""
-    factor: complex = 0.0
-    """Motion for each unit that was asked."""
-    lag: float = 0.0
-    """Rows by which the motion is later."""
-    length: int = 1
-    """Rows of a window."""
-    reverse: float = 0.0
-    """Share that the opposite sign explains at its best delay."""
-    early: float = 0.0
-    """Share at the best delay before the command ..."""
-    early_lag: float = 0.0
-    """... which is this many rows, below 0."""
+    share: float = 0.0  # of the motion's energy: 1 is all of it
+    chance: float = 1.0  # share that chance could explain
+    factor: complex = 0.0  # motion for each unit that was asked
+    lag: float = 0.0  # rows by which the motion is later
+    length: int = 1  # rows of a window
+    reverse: float = 0.0  # share that the opposite sign explains at its best delay
+    early: float = 0.0  # share at the best delay before the command ...
+    early_lag: float = 0.0  # ... which is this many rows, below 0.
     rival: float | None = None
     """Another delay that explains as much [rows]: the commands are periodic."""
 

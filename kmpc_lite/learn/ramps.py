@@ -21,8 +21,7 @@ from kmpc_lite.model.file import FREE, Ramps
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-RAMP_PARTS = 5
-"""Parts of a period in which a ramp is reckoned."""
+RAMP_PARTS = 5  # parts of a period in which a ramp is reckoned
 EXPLAINED = 0.5
 """Share of the motion, squared, that the commands must explain, by a ramp or without: of what is
 noise of the poses, any ramp explains a part."""
@@ -30,8 +29,7 @@ SLOWEST, STEP, REFINED = 6.0, 1.3, 1.08
 """Slowest ramp that is tried: time to the fastest command of the log [s], slower ones where a log
 drives in one direction for longer than its robot comes to speed by them; ratio of neighbouring
 ramps that are tried first, and around the best one."""
-WORTH = 0.05
-"""Share of the squared error that a ramp must explain at the least."""
+WORTH = 0.05  # share of the squared error that a ramp must explain at the least
 BESIDE = [Response(d, t) for d in (0.0, 0.1, 0.2, 0.3, 0.5) for t in (0.0, 0.05, 0.1, 0.2, 0.35)]
 """Responses that are tried beside each ramp [s]."""
 STARTS = 3
@@ -136,8 +134,7 @@ def follow(told: Array, faster: Array, slower: Array, dt: float, at_ends: bool =
     return found
 
 
-REST, SPEED = 0.1, 0.5
-"""Shares of the fastest command between which a start, or a stop, is timed."""
+REST, SPEED = 0.1, 0.5  # shares of the fastest command between which a start, or a stop, is timed
 
 
 def starts(commands: Sequence[Array], dt: float, backwards: bool = False) -> Array:

@@ -43,11 +43,9 @@ from kmpc_lite.model.dictionary.response import OMNI_TERMS, TERMS, ResponseDicti
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
-ALONG, ACROSS, HEADING = range(3)
-"""Rows of a model, and places of their moments in `Moments`."""
+ALONG, ACROSS, HEADING = range(3)  # rows of a model, and places of their moments in `Moments`
 NAMES = ("along", "across", "heading")
-NOMINAL = "nominal"
-"""Name of the nominal robot, the step before the ladders."""
+NOMINAL = "nominal"  # name of the nominal robot, the step before the ladders
 WINDOW, BLOCK, FEWEST_BLOCKS = 1.0, 5.0, 16
 """Length of the windows that are predicted, about what a plan looks ahead, and of a block, longer
 than a disturbance lasts [s]; short logs are cut into shorter blocks until there are so many."""
@@ -57,16 +55,13 @@ windows that must remain after it."""
 SIGNIFICANCE, OF_CARS = 0.001, 0.01
 """Probability at which a worthless explanation may pass, in each direction; few blocks of a car's
 log show how tyres and servo turn it. Where more terms explain nothing they pass by `CHANCE`."""
-SMOOTHED = 0.05
-"""Share of the largest speed below which ``|omega|`` is rounded."""
+SMOOTHED = 0.05  # share of the largest speed below which ``|omega|`` is rounded
 TURNING_AHEAD = {"forward, left", "forward, right"}
 """Parts of a log without which products of speed and turn rate stay out."""
 BOTH_WAYS = 0.1
 """Share of a log that drives forward, and back, from which on it may show a gain for each."""
-RIDGE = 1e-9
-"""Share of the scaled moments' diagonals that is added to them."""
-Ladder = dict[str, tuple[int, ...]]
-"""Steps of ever more terms, by name."""
+RIDGE = 1e-9  # share of the scaled moments' diagonals that is added to them
+Ladder = dict[str, tuple[int, ...]]  # steps of ever more terms, by name
 
 
 def _ladder(terms: tuple[str, ...], **steps: str) -> Ladder:
@@ -105,8 +100,7 @@ OMNI = (
     _ladder(OMNI_TERMS, gain="omega", gains=_EVERY, slip=f"{_EVERY} omega*|omega|"),
 )
 """Of forward speed, sideways speed and turn rate, in the order of the rows."""
-BESIDE = (0, 1, 2)
-"""Terms of the sideways speed that are free where the forward speed's are chosen."""
+BESIDE = (0, 1, 2)  # terms of the sideways speed that are free where the forward speed's are chosen
 GEARS = TERMS.index("|v|"), TERMS.index("omega*sgn(v)")
 """Terms by which forward speed and turn rate differ in reverse, tried beside the others."""
 
@@ -114,18 +108,13 @@ GEARS = TERMS.index("|v|"), TERMS.index("omega*sgn(v)")
 class Direction(NamedTuple):
     """What was chosen for one row."""
 
-    step: str
-    """Of its ladder, or `NOMINAL`."""
-    score: float
-    """Gain over the nominal robot on blocks held out, in standard errors."""
-    critical: float
-    """What the score had to exceed."""
-    terms: tuple[int, ...] = ()
-    """What explains it beside the nominal row."""
+    step: str  # of its ladder, or `NOMINAL`
+    score: float  # gain over the nominal robot on blocks held out, in standard errors
+    critical: float  # what the score had to exceed
+    terms: tuple[int, ...] = ()  # what explains it beside the nominal row
 
 
-STAYS = Direction(NOMINAL, 0.0, float("inf"))
-"""What is said where there is no choice."""
+STAYS = Direction(NOMINAL, 0.0, float("inf"))  # what is said where there is no choice
 
 
 @dataclass(frozen=True)
@@ -134,23 +123,16 @@ class Selection:
 
     smoothing: tuple[float, ...]
     limits: tuple[float, ...]
-    blocks: int
-    """Blocks that the choice was made on."""
+    blocks: int  # blocks that the choice was made on
     rows: Rows
     speed: Response = AT_ONCE
     turn: Response = AT_ONCE
-    doubts: tuple[str, ...] = ()
-    """What the log leaves open of the responses, in words."""
-    longest: int = 0
-    """Longest history of a response [periods]."""
-    directions: tuple[Direction, ...] = (STAYS, STAYS, STAYS)
-    """Along, across, heading."""
-    windows: int = 0
-    """Windows that the rows were fitted to."""
-    condition: float = 1.0
-    """Condition number of the position's terms, as columns of length one."""
-    steered: bool = False
-    """Whether the turn's response is that of a car's curvature."""
+    doubts: tuple[str, ...] = ()  # what the log leaves open of the responses, in words
+    longest: int = 0  # longest history of a response [periods]
+    directions: tuple[Direction, ...] = (STAYS, STAYS, STAYS)  # along, across, heading
+    windows: int = 0  # windows that the rows were fitted to
+    condition: float = 1.0  # condition number of the position's terms, as columns of length one
+    steered: bool = False  # whether the turn's response is that of a car's curvature
 
     @property
     def nominal(self) -> bool:
@@ -242,14 +224,11 @@ class Row(NamedTuple):
 
     which: int
     ladder: Ladder
-    base: Array
-    """Weights of the nominal robot, (p,)."""
-    first: int = 0
-    """Weight of its first term."""
+    base: Array  # weights of the nominal robot, (p,)
+    first: int = 0  # weight of its first term
     before: tuple[int, ...] = ()
     """Weights of other rows that are free beside its own, and stand before them."""
-    after: tuple[int, ...] = ()
-    """The same behind them."""
+    after: tuple[int, ...] = ()  # the same behind them
 
     def columns(self, terms: Sequence[int]) -> Array:
         """Weights that are free where terms are chosen."""

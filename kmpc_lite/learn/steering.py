@@ -20,8 +20,7 @@ from kmpc_lite.learn.logs import Log, Series
 from kmpc_lite.model.dictionary.response import held_curvatures
 from kmpc_lite.types import Array
 
-PIECE = 1.0
-"""Time over which driven and turned are compared [s]."""
+PIECE = 1.0  # time over which driven and turned are compared [s]
 LAGS = np.array((1e-9, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6))
 """Time constants of the steering that are tried [s]."""
 LEAST_TURNED, EXPLAINED = 1.0, 0.6
@@ -31,8 +30,7 @@ servos included."""
 ON_THE_SPOT, STANDS = 0.1, 0.1
 """Share of the turns that may come in pieces in which the robot drives less than such a share of
 the distance that it drives in a median one: no car turns where it stands."""
-COMMANDED = 0.2
-"""Share of the largest speed from which on a command is one to drive."""
+COMMANDED = 0.2  # share of the largest speed from which on a command is one to drive
 SHARES, SLOWEST, LATEST = (0.1, 0.2, 0.4), 5.0, 0.3
 """A robot that takes the longest to the speed that is asked [s] passes each of these shares of it
 in as large a share of that time, begun so late [s]; one that takes longer does not obey."""
@@ -44,8 +42,7 @@ UNITS, REACHED = (0.2, 5.0), 0.98
 to metres; others come of shares of full throttle, or of revolutions."""
 JUMP = 3.0
 """Ratio of a pose's speed to the largest that is commanded from which on it has been relocated."""
-ROLLS = 1e-6
-"""Speed that stands for none [m/s]: wheels can be steered while they stand."""
+ROLLS = 1e-6  # speed that stands for none [m/s]: wheels can be steered while they stand
 
 
 def as_car(log: Log, wheelbase: float | None = None) -> Log:

@@ -19,19 +19,15 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.model.dictionary.response import evaluate_terms, held_curvatures, terms_of
 from kmpc_lite.types import INPUTS, Array
 
-MOST_BLOCKS = 64
-"""Blocks that a log is cut into at most."""
+MOST_BLOCKS = 64  # blocks that a log is cut into at most
 
 
 class Rows(NamedTuple):
     """Response of the robot to each of its terms: the three rows of a symmetric generator."""
 
-    along: Array
-    """Forward speed by each term, (T,)."""
-    across: Array
-    """Speed to the left, (T,)."""
-    heading: Array
-    """Turn rate, (T,)."""
+    along: Array  # forward speed by each term, (T,)
+    across: Array  # speed to the left, (T,)
+    heading: Array  # turn rate, (T,)
 
 
 def nominal_rows(commands: int = INPUTS) -> Rows:
@@ -47,22 +43,14 @@ def nominal_rows(commands: int = INPUTS) -> Rows:
 class Block:
     """Stretches of a log, with the commands before each, one after another."""
 
-    inputs: Array
-    """Commands, those before each stretch included, (R, m)."""
-    rows: Array
-    """Row of `inputs` of each period, (T,)."""
-    turned: Array
-    """Mean of exp(i theta) over each period, times dt, (T,) complex."""
-    starts: Array
-    """First period of each window, (S,)."""
-    frame: Array
-    """Rotates a window's displacement into its middle heading, (S,) complex."""
-    moved: Array
-    """Displacement over each window in that frame, along + i across [m], (S,) complex."""
-    heading: Array
-    """Turn over each window [rad], (S,)."""
-    curvatures: Array | None = None
-    """Of a car's commands, in the rows of `inputs`, (R,) [1/m]."""
+    inputs: Array  # commands, those before each stretch included, (R, m)
+    rows: Array  # row of `inputs` of each period, (T,)
+    turned: Array  # mean of exp(i theta) over each period, times dt, (T,) complex
+    starts: Array  # first period of each window, (S,)
+    frame: Array  # rotates a window's displacement into its middle heading, (S,) complex
+    moved: Array  # displacement over each window in that frame, along + i across [m], (S,) complex
+    heading: Array  # turn over each window [rad], (S,)
+    curvatures: Array | None = None  # of a car's commands, in the rows of `inputs`, (R,) [1/m]
 
 
 @dataclass(frozen=True)
@@ -70,12 +58,9 @@ class Windows:
     """A log cut into blocks of windows."""
 
     blocks: tuple[Block, ...]
-    dt: float
-    """Period [s]."""
-    length: int
-    """Periods of a window."""
-    longest: int
-    """Periods of history before every window."""
+    dt: float  # period [s]
+    length: int  # periods of a window
+    longest: int  # periods of history before every window
 
     @property
     def count(self) -> int:
@@ -86,12 +71,9 @@ class Windows:
 class Moments(NamedTuple):
     """Second moments of each block's windows; the last row and column are the target."""
 
-    along: Array
-    """Of [Re Z, -Im Z, Re d], (B, 2 T + 1, 2 T + 1)."""
-    across: Array
-    """Of [Im Z, Re Z, Im d], as many."""
-    heading: Array
-    """Of [W, turn], (B, T + 1, T + 1)."""
+    along: Array  # of [Re Z, -Im Z, Re d], (B, 2 T + 1, 2 T + 1)
+    across: Array  # of [Im Z, Re Z, Im d], as many
+    heading: Array  # of [W, turn], (B, T + 1, T + 1)
 
 
 def cut(dataset: Dataset, longest: int, length: int, seconds: float) -> Windows:

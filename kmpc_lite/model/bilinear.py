@@ -39,16 +39,11 @@ class BilinearForm:
     """
 
     dictionary: Dictionary
-    A: Array
-    """C A, (3, nz)."""
-    B: Array
-    """C B, (3, nw)."""
-    has_B: bool
-    """Whether any of B is not zero."""
-    H_by_input: Array
-    """C H, (nw, 3 nz)."""
-    H_by_lift: Array
-    """C H, (nz, 3 nw)."""
+    A: Array  # C A, (3, nz)
+    B: Array  # C B, (3, nw)
+    has_B: bool  # whether any of B is not zero
+    H_by_input: Array  # C H, (nw, 3 nz)
+    H_by_lift: Array  # C H, (nz, 3 nw)
 
     @classmethod
     def fold(cls, dictionary: Dictionary, A: Array, B: Array, H: Array, C: Array) -> BilinearForm:
@@ -124,11 +119,7 @@ class Linearization(NamedTuple):
     ``x+ = value + A dx + B du + sum_j B_past[j] dpast[j]``.
     """
 
-    value: Array
-    """Predicted states, (..., 3)."""
-    A: Array
-    """Derivative by the state, (..., 3, 3)."""
-    B: Array
-    """Derivative by the present command, (..., 3, 2)."""
-    B_past: Array
-    """Derivative by past commands, newest first, (..., L, 3, 2)."""
+    value: Array  # predicted states, (..., 3)
+    A: Array  # derivative by the state, (..., 3, 3)
+    B: Array  # derivative by the present command, (..., 3, 2)
+    B_past: Array  # derivative by past commands, newest first, (..., L, 3, 2)

@@ -17,11 +17,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel, NoiseSources
 from kmpc_lite.types import Array
 
-FREE = np.inf
-"""Limit of a robot that follows at once."""
+FREE = np.inf  # limit of a robot that follows at once
 FORMAT = "kmpc_lite.model"
-MAX_BYTES = 2**26
-"""Memory of the largest model: some thousand lifted coordinates."""
+MAX_BYTES = 2**26  # memory of the largest model: some thousand lifted coordinates
 VERSION = 1
 
 
@@ -31,10 +29,8 @@ class Ramps(NamedTuple):
     Of a car the second one is that of its curvature [1/m per second].
     """
 
-    faster: Array
-    """Away from zero; infinite if no ramp is known."""
-    slower: Array
-    """Towards zero."""
+    faster: Array  # away from zero; infinite if no ramp is known
+    slower: Array  # towards zero
 
     @property
     def limit(self) -> bool:

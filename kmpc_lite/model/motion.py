@@ -58,8 +58,7 @@ class MotionModel(Protocol):
         """Covariances (..., 3, 3) of the one-step residual for commands (..., 2)."""
 
 
-UNMODELLED_DELAY = "unmodelled_delay"
-"""Key of a model's `info`; see `unmodelled_delay`."""
+UNMODELLED_DELAY = "unmodelled_delay"  # key of a model's `info`; see `unmodelled_delay`
 
 
 def unmodelled_delay(model: MotionModel) -> float:

@@ -18,16 +18,14 @@ from kmpc_lite.files import real_array
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.types import INPUTS, STATES, Array
 
-LARGEST = 1e12
-"""Values of a model beyond this [SI units] are damage: products of them overflow."""
+LARGEST = 1e12  # values of a model beyond this [SI units] are damage: products of them overflow
 
 
 @dataclass(frozen=True)
 class NoiseSources:
     """Variances in the robot's frame: forward, left, heading."""
 
-    pose: Array
-    """Of one measured pose at rest, (3,) [m^2, m^2, rad^2]."""
+    pose: Array  # of one measured pose at rest, (3,) [m^2, m^2, rad^2]
     pose_by_speed: Array
     """What is added to that by v^2, (3,): a stamp that jitters by 10 ms moves the pose by 10 ms
     times v."""

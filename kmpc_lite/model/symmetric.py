@@ -21,8 +21,7 @@ from kmpc_lite.model.bilinear import BilinearForm
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.types import STATES, Array
 
-ROUNDING = 1e-14
-"""Share of the largest coefficient by which symmetric ones may differ."""
+ROUNDING = 1e-14  # share of the largest coefficient by which symmetric ones may differ
 
 
 class Trigonometry(NamedTuple):
@@ -47,10 +46,8 @@ def find_trigonometry(dictionary: Dictionary) -> Trigonometry | None:
 class SymmetricForm:
     """One period of a symmetric model."""
 
-    motion: Array
-    """How far each input leads ahead, to the left and round in a period, (nw, 3)."""
-    nodes: tuple[tuple[float, float], ...]
-    """Node and weight of each stage of the integrator."""
+    motion: Array  # how far each input leads ahead, to the left and round in a period, (nw, 3)
+    nodes: tuple[tuple[float, float], ...]  # node and weight of each stage of the integrator
 
     @classmethod
     def fold(
@@ -147,5 +144,4 @@ def _lifts(dictionary: Dictionary, place: Trigonometry) -> bool:
 
 
 _IDENTITY = np.eye(STATES)
-_SOMEWHERE = np.array((0.3, -0.7, 1.1))
-"""A pose whose coordinates tell all liftings apart."""
+_SOMEWHERE = np.array((0.3, -0.7, 1.1))  # a pose whose coordinates tell all liftings apart

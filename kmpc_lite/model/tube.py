@@ -30,8 +30,7 @@ reduced by per step at speed."""
 STILL = 0.03
 """Below this displacement per step [m] the lateral feedback fades: a robot that stands cannot move
 sideways."""
-HALF_EFFECT = 0.5
-"""Share of a command's effect from which on it takes errors back."""
+HALF_EFFECT = 0.5  # share of a command's effect from which on it takes errors back
 FLOOR = 1e-4
 """Standard deviation [m, rad] that is added to every noise: a model that fits to rounding has no
 smaller one."""
@@ -99,12 +98,9 @@ def rotations(cos: Array, sin: Array) -> Array:
 class TubeNoise:
     """What widens a tube, as covariances in the robot's frame."""
 
-    pose: Array
-    """What the measured pose at which a plan begins adds to every stage, (3, 3)."""
-    pose_by_speed: Array
-    """The same for a robot that moves, to be multiplied by v^2, (3, 3)."""
-    poses: float
-    """How many such poses one residual holds: 2 where `pose` is that of a single one."""
+    pose: Array  # what the measured pose at which a plan begins adds to every stage, (3, 3)
+    pose_by_speed: Array  # the same for a robot that moves, to be multiplied by v^2, (3, 3)
+    poses: float  # how many such poses one residual holds: 2 where `pose` is that of a single one
     white: Array
     """Of one period, to be multiplied by v^2 and omega^2, (2, 3, 3): independent of the others'."""
     lasting: Array

@@ -5,8 +5,7 @@ from __future__ import annotations
 from importlib import metadata, resources
 from pathlib import Path
 
-ENTRY_POINTS = "kmpc.scenarios"
-"""Packages of other distributions that hold scenario files."""
+ENTRY_POINTS = "kmpc.scenarios"  # packages of other distributions that hold scenario files
 
 
 def bundled() -> list[str]:

@@ -13,12 +13,9 @@ from typing import Any, NamedTuple
 from kmpc_lite.errors import ProblemError, ScenarioError
 from kmpc_lite.reading import parse_toml
 
-NO_AREA = (-math.inf, -math.inf, math.inf, math.inf)
-"""Bounds of a robot that may go everywhere."""
-ROOM = 1.0
-"""Between the edge of the pictures and what is on them [m]."""
-LEAST_HALF = 2.0
-"""They reach at least so far from the origin [m]."""
+NO_AREA = (-math.inf, -math.inf, math.inf, math.inf)  # bounds of a robot that may go everywhere
+ROOM = 1.0  # between the edge of the pictures and what is on them [m]
+LEAST_HALF = 2.0  # they reach at least so far from the origin [m]
 LEAST_TIMEOUT, SECONDS_A_METRE = 20.0, 5.0
 """Time for each goal on such a map [s], and for each metre of the whole way [s/m], if that is more.
 """
@@ -72,12 +69,9 @@ class DriveOverrides(NamedTuple):
 
     goals: Sequence[tuple[float, float, float]] = ()
     """One after the other; without a scenario, on an empty map."""
-    loop: bool = False
-    """Whether the first goal follows the last one, until time is up."""
-    clearance: float | None = None
-    """To keep from obstacles beyond the radii [m]."""
-    radius: float | None = None
-    """Of the robot [m]."""
+    loop: bool = False  # whether the first goal follows the last one, until time is up
+    clearance: float | None = None  # to keep from obstacles beyond the radii [m]
+    radius: float | None = None  # of the robot [m]
     options: Sequence[str] = ()
     """Options of the controller: ``group.option=value``; ``weights.R_change=[0.1, 0.1]``."""
 

@@ -19,8 +19,7 @@ from kmpc_lite.control.world.shapes import Wall
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.types import Array
 
-LOOKS = 10
-"""How often in a period studies of their own loops look for collisions."""
+LOOKS = 10  # how often in a period studies of their own loops look for collisions
 SHORT = 1e-12
 """Square of an edge without a length [m^2]: corners that are there twice, ends of walls."""
 
@@ -29,10 +28,8 @@ SHORT = 1e-12
 class Tolerance:
     """How far from its goal a robot may be and be there."""
 
-    distance: float
-    """[m]"""
-    heading: float
-    """[rad]"""
+    distance: float  # [m]
+    heading: float  # [rad]
 
     def met(self, poses: Array, goal: Array) -> NDArray[np.bool_]:
         """Whether poses (..., 3) are within both of a goal (3,), (...).

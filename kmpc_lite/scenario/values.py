@@ -24,8 +24,7 @@ from kmpc_lite.scenario.touch import ARRIVED
 
 CONTROLLER, LIDAR = "controller", "lidar"
 """Sections of the controller's options, a table for each room, and of the simulated lidar."""
-LARGEST_NUMBER = 1e6
-"""Farther [m], or later [s], no drive of a scenario gets."""
+LARGEST_NUMBER = 1e6  # farther [m], or later [s], no drive of a scenario gets
 FREE, OCCUPIED, UNKNOWN = ".", "#", "?"
 """Cells of a grid that is drawn in a scenario file, its highest row first."""
 CELLS = {FREE: 0, OCCUPIED: 100, UNKNOWN: -1}
@@ -33,19 +32,15 @@ GRID_KEYS = ("resolution", "origin", "rows", "unknown_is_free")
 Read = Callable[[str, Any], Any]
 """Reads one value: takes file, section and key, for errors, and what TOML gives; raises
 ScenarioError that says what was expected, and what came."""
-FARTHEST, FASTEST = 1000.0, 1000.0
-"""Largest reach and mount [m], and highest rate [Hz]."""
+FARTHEST, FASTEST = 1000.0, 1000.0  # largest reach and mount [m], and highest rate [Hz]
 
 
 class Floor(NamedTuple):
     """What the ground does from a time on."""
 
-    time: float
-    """Since the plant began [s]."""
-    slip: float
-    """Mean of the three slip ratios."""
-    turn_gain: float = 1.0
-    """Share of a commanded turn that happens."""
+    time: float  # since the plant began [s]
+    slip: float  # mean of the three slip ratios
+    turn_gain: float = 1.0  # share of a commanded turn that happens
 
 
 def read_number(where: str, value: Any, most: float = LARGEST_NUMBER) -> float:
@@ -353,18 +348,12 @@ def to_toml(value: Any) -> str:
 class LidarSpec:
     """A scanner as its data sheet has it."""
 
-    reach: float = 4.0
-    """How far it sees [m]."""
-    beams: int = 360
-    """Number of beams, spread evenly all around."""
-    noise: float = 0.01
-    """Standard deviation of a range [m]."""
-    dropout: float = 0.01
-    """Share of beams that come back without a range."""
-    nearest: float = 0.05
-    """Least range [m]."""
-    rate: float = 0.0
-    """Turns a second [Hz]; 0: one for each step of the controller."""
+    reach: float = 4.0  # how far it sees [m]
+    beams: int = 360  # number of beams, spread evenly all around
+    noise: float = 0.01  # standard deviation of a range [m]
+    dropout: float = 0.01  # share of beams that come back without a range
+    nearest: float = 0.05  # least range [m]
+    rate: float = 0.0  # turns a second [Hz]; 0: one for each step of the controller
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where it sits on the robot: ahead, left [m], and its heading [rad]."""
 

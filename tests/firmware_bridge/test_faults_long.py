@@ -91,8 +91,7 @@ def test_a_hundred_thousand_faults():
     )
 
 
-HOURS = 10.0
-"""Of the soak, on the clock of the test."""
+HOURS = 10.0  # of the soak, on the clock of the test
 
 
 @pytest.mark.long

@@ -19,8 +19,7 @@ import pytest
 
 NAMES = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome", "chrome")
 ALONE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost, EXCLUDE 127.0.0.1"
-PATIENCE = 30_000.0
-"""The longest that a busy machine may take for one answer [ms]."""
+PATIENCE = 30_000.0  # the longest that a busy machine may take for one answer [ms]
 
 
 def found_browser() -> str | None:
@@ -80,8 +79,7 @@ class Page:
         self._page, self._session = page, page.context.new_cdp_session(page)
         self.errors: list[str] = []
         """What scripts threw, and what the console holds of errors and refusals."""
-        self.requests: list[str] = []
-        """URLs that were asked for, but those that are data."""
+        self.requests: list[str] = []  # URLs that were asked for, but those that are data
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.on("console", lambda said: said.type == "error" and self.errors.append(said.text))
         page.on("request", lambda asked: self._asks(asked.url))

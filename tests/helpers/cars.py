@@ -14,8 +14,7 @@ class Drive(NamedTuple):
 
     held: bool
     time: float
-    error: tuple[float, float]
-    """Distance from the goal [m], and of the heading [rad]."""
+    error: tuple[float, float]  # distance from the goal [m], and of the heading [rad]
     commands: np.ndarray
     poses: np.ndarray
     reason: str

@@ -23,8 +23,7 @@ from firmware_bridge.safety.gate_table import GateState
 from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 TICK = 0.02
-LATEST = 0.3
-"""Of the loss of what is depended on [s]."""
+LATEST = 0.3  # of the loss of what is depended on [s]
 LIMITS = Limits(
     v_max=0.5,
     v_reverse=0.4,
@@ -34,8 +33,7 @@ LIMITS = Limits(
     angular_acceleration=4.0,
     angular_deceleration=5.0,
 )
-ROUNDING = 1e-6
-"""Set-points are float32."""
+ROUNDING = 1e-6  # set-points are float32
 OUTAGES = (
     "none",
     "cut",

@@ -14,13 +14,10 @@ from kmpc_lite.learn.formats.rosbag import ACKERMANN, ACKERMANN_STAMPED, FIELDS,
 class Drive(NamedTuple):
     """What a robot did: poses and commands at times of their own."""
 
-    time: np.ndarray
-    """Of the poses [s]."""
-    poses: np.ndarray
-    """x, y, theta, (n, 3) [m, rad]; theta grows beyond half a turn."""
+    time: np.ndarray  # of the poses [s]
+    poses: np.ndarray  # x, y, theta, (n, 3) [m, rad]; theta grows beyond half a turn
     command_time: np.ndarray
-    commands: np.ndarray
-    """v, omega, (m, 2) [m/s, rad/s]; of an omni also its speed to the left."""
+    commands: np.ndarray  # v, omega, (m, 2) [m/s, rad/s]; of an omni also its speed to the left
 
 
 def drive(

@@ -18,24 +18,18 @@ from scipy.optimize import lsq_linear
 
 import kmpc_lite as kl
 
-ACTIVE = 1e-4
-"""A constraint this near to its bound counts as active [m, m/s, rad/s]."""
+ACTIVE = 1e-4  # a constraint this near to its bound counts as active [m, m/s, rad/s]
 
 
 @dataclass(frozen=True)
 class Certificate:
     """What a plan lacks to be a KKT point."""
 
-    stationarity: float
-    """Norm of the Lagrangian's gradient, as a share of the cost's."""
-    defect: float
-    """Largest gap in the dynamics [m, rad]."""
-    bounds: float
-    """Largest excess over a command bound."""
-    violation: float
-    """Largest penetration of an obstacle or a side [m]; what the slacks hold."""
-    active_gaps: int
-    """Obstacle and side constraints that are active."""
+    stationarity: float  # norm of the Lagrangian's gradient, as a share of the cost's
+    defect: float  # largest gap in the dynamics [m, rad]
+    bounds: float  # largest excess over a command bound
+    violation: float  # largest penetration of an obstacle or a side [m]; what the slacks hold
+    active_gaps: int  # obstacle and side constraints that are active
 
 
 def windows(past: np.ndarray, inputs: np.ndarray) -> np.ndarray:

@@ -24,17 +24,12 @@ class Faults:
 
     drop: float = 0.0
     duplicate: float = 0.0
-    corrupt: float = 0.0
-    """One to three bytes changed."""
-    reorder: float = 0.0
-    """Held back until the next frame has passed."""
-    split: float = 0.0
-    """Arrives in two to four pieces."""
-    cut: float = 0.0
-    """The cable comes out in the middle of the frame, for `cut_for`."""
+    corrupt: float = 0.0  # one to three bytes changed
+    reorder: float = 0.0  # held back until the next frame has passed
+    split: float = 0.0  # arrives in two to four pieces
+    cut: float = 0.0  # the cable comes out in the middle of the frame, for `cut_for`
     cut_for: float = 0.1
-    delay: float = 0.0
-    """Each frame is late by up to this much; order is kept."""
+    delay: float = 0.0  # each frame is late by up to this much; order is kept
 
 
 class FaultyPath:
@@ -44,8 +39,7 @@ class FaultyPath:
         self._random = random.Random(seed)
         self._held: bytes | None = None
         self._due = -float("inf")
-        self.faults = 0
-        """How many faults there were."""
+        self.faults = 0  # how many faults there were
 
     def forget(self) -> None:
         """Lose the frame that is held back."""

@@ -12,12 +12,10 @@ from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-DT = 0.1
-"""Period of the logs [s]."""
+DT = 0.1  # period of the logs [s]
 REFERENCE_START = 0.5
 """Predictions start this long after the beginning of a drive [s], whatever a model's history."""
-AHEAD = 1.0
-"""How far ahead predictions are judged [s]."""
+AHEAD = 1.0  # how far ahead predictions are judged [s]
 
 
 def open_loop_errors(

@@ -20,10 +20,8 @@ class Block(NamedTuple):
 
     language: str
     text: str
-    line: int
-    """Of its first line in the page, counted from 1."""
-    long: bool
-    """Marked as not to be run."""
+    line: int  # of its first line in the page, counted from 1
+    long: bool  # marked as not to be run
 
 
 def name_of(page: Path) -> str:

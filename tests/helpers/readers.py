@@ -48,10 +48,8 @@ from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.files import Scenario
 
-MEMORY = 500 * 2**20
-"""What reading a file may take [bytes]."""
-SECONDS = 2.0
-"""Of the processor, for one file."""
+MEMORY = 500 * 2**20  # what reading a file may take [bytes]
+SECONDS = 2.0  # of the processor, for one file
 CSV = "t,x,y,theta,v,omega\n" + "".join(f"{0.1 * k:.1f},{k},2,0.5,1,0.25\n" for k in range(20))
 SCENARIO = """\
 [map]
@@ -100,10 +98,8 @@ period = 0.1
 class Reader:
     """What reads a kind of files."""
 
-    files: dict[str, bytes]
-    """Their names and contents; the first is the one that is opened."""
-    read: Callable[[Path], Any]
-    """Reads it, and uses what it has read."""
+    files: dict[str, bytes]  # their names and contents; the first is the one that is opened
+    read: Callable[[Path], Any]  # reads it, and uses what it has read
 
 
 def _log(path: Path) -> None:

@@ -35,8 +35,7 @@ class Made(NamedTuple):
     """A log, and what is known of it."""
 
     kind: str
-    table: np.ndarray
-    """t, x, y, theta, v, omega, (n, 6) in SI units."""
+    table: np.ndarray  # t, x, y, theta, v, omega, (n, 6) in SI units
 
     @property
     def log(self) -> Log:
@@ -89,8 +88,7 @@ def valid(seed: int, kind: str | None = None) -> Made:
     return Made(kind, table)
 
 
-STEP = 0.01
-"""Of the simulation [s]."""
+STEP = 0.01  # of the simulation [s]
 
 
 def _commands(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-LOOKS_EVERY = 0.001
-"""[s]"""
+LOOKS_EVERY = 0.001  # [s]
 
 
 def until(condition: Callable[[], object], seconds: float = 20.0) -> bool:

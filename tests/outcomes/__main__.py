@@ -21,8 +21,7 @@ from outcomes.loop import drive_row
 from outcomes.rows import ROWS
 from outcomes.runner import Key, chosen, drive_all
 
-TWINS = 3
-"""Perturbed drives beside each that is recorded."""
+TWINS = 3  # perturbed drives beside each that is recorded
 
 
 def say(text: str) -> None:

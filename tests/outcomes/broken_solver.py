@@ -24,8 +24,7 @@ STATUSES = {
     "non-convex": osqp.SolverStatus.OSQP_NON_CVX,
     "unsolved": osqp.SolverStatus.OSQP_UNSOLVED,
 }
-GARBAGE = 2.14e9
-"""What OSQP leaves in the solution of a problem that it could not solve."""
+GARBAGE = 2.14e9  # what OSQP leaves in the solution of a problem that it could not solve
 CUT_SHORT = 1e-3
 """How far an iterate that was stopped early is from the solution, as a share of its values and as a
 number."""

@@ -52,12 +52,9 @@ class Line:
 
     result: Result
     seed: int = 0
-    ends: frozenset[str] = frozenset()
-    """How the drive and its perturbed twins ended."""
-    time_spread: float = 0.0
-    """[%]"""
-    clear_spread: float = 0.0
-    """[radii]"""
+    ends: frozenset[str] = frozenset()  # how the drive and its perturbed twins ended
+    time_spread: float = 0.0  # [%]
+    clear_spread: float = 0.0  # [radii]
 
     @property
     def fails(self) -> bool:

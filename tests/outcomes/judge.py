@@ -13,21 +13,16 @@ TIME, PERIODS = 0.03, 2
 """A row may take longer by this share and these periods, and by twice its recorded spread."""
 CLEARANCE = 0.1
 """By how much the least clearance may be smaller [radii], beside twice its recorded spread."""
-NEAR = 1.0
-"""Clearances beyond are not judged [radii]."""
-DEPTH = 0.05
-"""By how much a known contact may be deeper [radii]."""
-GEARS = 1
-"""More changes of gear than recorded."""
+NEAR = 1.0  # clearances beyond are not judged [radii]
+DEPTH = 0.05  # by how much a known contact may be deeper [radii]
+GEARS = 1  # more changes of gear than recorded
 FAMILY_CHATTER = 0.05
 """Largest share of steps in which a command jumps back, in the median of a family."""
 WORSE = 0.05
 """By how much the share of a row, or of a family, that is known to chatter may be larger than
 recorded."""
-STOPPED = 0.05
-"""By how much the share of steps STOPPED may be larger."""
-FAMILY = 5
-"""Fewest drives of a family whose median ratio of times is judged."""
+STOPPED = 0.05  # by how much the share of steps STOPPED may be larger
+FAMILY = 5  # fewest drives of a family whose median ratio of times is judged
 
 
 def complaints(old: Line, new: Line) -> list[str]:

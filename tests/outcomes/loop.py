@@ -13,18 +13,13 @@ from outcomes.lab import footprint_gaps
 from outcomes.plant import LOOKS, Array
 from outcomes.setup import Moment, Row, Setup
 
-HELD = 1.0
-"""How long the robot must stay in pose to have arrived [s]."""
-RESTS = 5.0
-"""After how long at rest without a way to the goal, or held elsewhere, a drive ends [s]."""
-APART = 0.1
-"""How far apart edges must be for the next contact to count [radii]."""
+HELD = 1.0  # how long the robot must stay in pose to have arrived [s]
+RESTS = 5.0  # after how long at rest without a way to the goal, or held elsewhere, a drive ends [s]
+APART = 0.1  # how far apart edges must be for the next contact to count [radii]
 PERTURBED = 1e-9
 """Size of what measured poses are changed by to see how chaotic a drive is [radii, rad]."""
-CHANGE = 0.1
-"""Least change of a command from one step to the next that counts as chatter [bounds]."""
-GEAR = 0.2
-"""How far a robot must drive back for a change of gear [radii]."""
+CHANGE = 0.1  # least change of a command from one step to the next that counts as chatter [bounds]
+GEAR = 0.2  # how far a robot must drive back for a change of gear [radii]
 
 
 @dataclass
@@ -32,22 +27,17 @@ class Trace:
     """A drive step by step."""
 
     setup: Setup
-    poses: list[Array] = field(default_factory=list)
-    """True ones, at each step and at the end."""
-    path: list[Array] = field(default_factory=list)
-    """At each sub-sample."""
+    poses: list[Array] = field(default_factory=list)  # true ones, at each step and at the end
+    path: list[Array] = field(default_factory=list)  # at each sub-sample
     commands: list[Array] = field(default_factory=list)
     plans: list[tuple[str, str, int]] = field(default_factory=list)
     """Status, progress and passes of each step."""
-    gaps: list[float] = field(default_factory=list)
-    """Clearance at each sub-sample [m]."""
+    gaps: list[float] = field(default_factory=list)  # clearance at each sub-sample [m]
     faults: list[str] = field(default_factory=list)
     """Exceptions, commands that are not finite or out of bounds."""
     ended: str = ""
-    time: float = math.nan
-    """Until the robot arrived, or the drive ended [s]."""
-    reason: str = ""
-    """The last one that the controller gave."""
+    time: float = math.nan  # until the robot arrived, or the drive ended [s]
+    reason: str = ""  # the last one that the controller gave
 
 
 @dataclass
@@ -57,31 +47,21 @@ class Result:
     name: str
     family: str
     contacts: int
-    depth: float
-    """Of the deepest contact [radii]."""
-    ended: str
-    """``arrived``, or the progress at the end."""
-    time: float
-    """[s]"""
-    clearance: float
-    """Least one [radii]."""
-    gears: int
-    """Changes between forwards and backwards."""
-    stopped: float
-    """Share of steps, as of the next two."""
+    depth: float  # of the deepest contact [radii]
+    ended: str  # ``arrived``, or the progress at the end
+    time: float  # [s]
+    clearance: float  # least one [radii]
+    gears: int  # changes between forwards and backwards
+    stopped: float  # share of steps, as of the next two
     fallback: float
     feasible: float
-    passes: float
-    """Mean of the SQP passes a step."""
-    jerk: float
-    """RMS of the change of commands from step to step, as a share of the bounds."""
+    passes: float  # mean of the SQP passes a step
+    jerk: float  # RMS of the change of commands from step to step, as a share of the bounds
     chatter: float
     """Share of steps in which a change is opposite to the one before, both above `CHANGE`."""
-    dt: float
-    """Period [s]."""
+    dt: float  # period [s]
     faults: str = ""
-    sound: bool = True
-    """Whether poses are exact, and none is lost."""
+    sound: bool = True  # whether poses are exact, and none is lost
 
 
 def drive_row(row: Row, seed: int = 0, perturbed: int = 0) -> Trace | None:

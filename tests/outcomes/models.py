@@ -11,8 +11,7 @@ import kmpc_lite as kl
 from outcomes.lab import Condition, RealPlant, Robot, learn_robot, real_robot
 from outcomes.plant import Array, Body, Vehicle
 
-NOISE = (0.005, 0.02)
-"""Standard deviation of a good pose [m, rad]."""
+NOISE = (0.005, 0.02)  # standard deviation of a good pose [m, rad]
 PLACES = [Path(__file__).parents[up] / "shared" / "data" for up in (3, 4)]
 """Where logs may lie: beside the repository, or beside the folder of its work trees."""
 DATA = next((place for place in PLACES if place.is_dir()), PLACES[0])

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-LOOKS = 10
-"""Sub-samples of a period at which contacts are looked for."""
+LOOKS = 10  # sub-samples of a period at which contacts are looked for
 
 
 class Moves(Protocol):
@@ -26,16 +25,12 @@ class Moves(Protocol):
 class Body:
     """What a robot's motors, wheels and floor are like."""
 
-    slip: float = 0.0
-    """Mean of the exponential slip ratios, drawn anew each period."""
-    gain: tuple[float, float] = (1.0, 1.0)
-    """Shares of commanded speed and turn rate that happen."""
+    slip: float = 0.0  # mean of the exponential slip ratios, drawn anew each period
+    gain: tuple[float, float] = (1.0, 1.0)  # shares of commanded speed and turn rate that happen
     turn_loss: float = 0.0
     """Share of its speed that it loses for each rad/s by which it turns [s/rad]."""
-    lag: float = 0.0
-    """Time constant of the motors [s]."""
-    dead_time: float = 0.0
-    """Time from a command to the motors' first reaction [s]."""
+    lag: float = 0.0  # time constant of the motors [s]
+    dead_time: float = 0.0  # time from a command to the motors' first reaction [s]
     ramp: tuple[float, float] = (math.inf, math.inf)
     """Fastest change of speed and turn rate [m/s^2, rad/s^2]."""
     turning_point: tuple[float, float] = (0.0, 0.0)

@@ -17,8 +17,7 @@ from outcomes.setup import Row
 CHUNK, CHUNKS = 4, 12
 """Tasks that a worker takes at once, and after how many of those it is replaced: its memory, with
 the models that it has learned, stays flat."""
-Key = tuple[str, int, int]
-"""Name of a row, seed, and number of the perturbation (0: none)."""
+Key = tuple[str, int, int]  # name of a row, seed, and number of the perturbation (0: none)
 
 
 @dataclass
@@ -26,10 +25,8 @@ class Driven:
     """What a worker gives back."""
 
     key: Key
-    result: Result | None
-    """None if the row's data is missing."""
-    commands: Array
-    """(T, 2)."""
+    result: Result | None  # none if the row's data is missing
+    commands: Array  # (T, 2)
 
 
 def drive_key(key: Key) -> Driven:

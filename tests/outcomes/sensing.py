@@ -35,8 +35,7 @@ def said_to_stand(moment: Moment) -> Any:
 class NoisyRows:
     """Circles whose places are measured with noise and whose velocities are unknown."""
 
-    noise: float = 0.01
-    """[m]"""
+    noise: float = 0.01  # [m]
 
     def __call__(self, moment: Moment) -> Any:
         """Give the rows."""
@@ -49,8 +48,7 @@ class NoisyRows:
 class Within:
     """Circles within a reach of the robot's edge."""
 
-    reach: float
-    """[m]"""
+    reach: float  # [m]
 
     def __call__(self, moment: Moment) -> Any:
         """Give the circles."""
@@ -63,28 +61,19 @@ class Within:
 class Scanner:
     """A laser scanner, its mount, its noise and its faults."""
 
-    reach: float = 4.0
-    """[m]"""
+    reach: float = 4.0  # [m]
     beams: int = 360
-    view: float = math.tau
-    """Field of view about its own axis [rad]."""
-    noise: float = 0.01
-    """[m]"""
-    dropout: float = 0.01
-    """Share of beams that come back as NaN."""
+    view: float = math.tau  # field of view about its own axis [rad]
+    noise: float = 0.01  # [m]
+    dropout: float = 0.01  # share of beams that come back as NaN
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    age: float = 0.0
-    """How old its scans are [s]."""
-    turn_time: float = 0.0
-    """Time from the first beam to the last [s]."""
+    age: float = 0.0  # how old its scans are [s]
+    turn_time: float = 0.0  # time from the first beam to the last [s]
     hangs: tuple[float, float] = (math.inf, math.inf)
     """From when until when it sends the same scan again [s]."""
-    dies: tuple[float, float] = (math.inf, math.inf)
-    """From when until when all beams are NaN [s]."""
-    masts: tuple[float, ...] = ()
-    """Directions in which a mast of the robot is hit at 0.1 m [rad]."""
-    glass: tuple[float, float] | None = None
-    """Hits between these x [m] come back as NaN."""
+    dies: tuple[float, float] = (math.inf, math.inf)  # from when until when all beams are NaN [s]
+    masts: tuple[float, ...] = ()  # directions in which a mast of the robot is hit at 0.1 m [rad]
+    glass: tuple[float, float] | None = None  # hits between these x [m] come back as NaN
     mirrored: bool = False
 
     def __post_init__(self) -> None:

@@ -28,12 +28,10 @@ class Movers(Protocol):
 class Scene:
     """Obstacles as they are."""
 
-    bounds: tuple[float, float, float, float]
-    """xmin, ymin, xmax, ymax [m]."""
+    bounds: tuple[float, float, float, float]  # xmin, ymin, xmax, ymax [m]
     circles: Array = field(default_factory=lambda: NO_CIRCLES)
     """Rows x, y, radius, vx, vy (M, 5) at time 0."""
-    solids: tuple[Any, ...] = ()
-    """Polygons, walls and a grid."""
+    solids: tuple[Any, ...] = ()  # polygons, walls and a grid
     movers: Movers | None = None
     visits: tuple[tuple[float, float, tuple[float, ...]], ...] = ()
     """From when until when [s] a circle, a row as of time 0, is there."""
@@ -82,10 +80,8 @@ class Moment:
     """What a sensor is asked with: the moment at which the robot looks."""
 
     time: float
-    number: int
-    """Of the step."""
-    pose: Array
-    """True pose (3,)."""
+    number: int  # of the step
+    pose: Array  # true pose (3,)
     scene: Scene
     radius: float
     random: np.random.Generator
@@ -105,34 +101,26 @@ class Setup:
     problem: kl.NavigationProblem
     model: kl.KoopmanModel
     plant: Moves
-    sense: Sense
-    """Gives the obstacles of a step."""
-    options: dict[str, Any] = field(default_factory=dict)
-    """Keyword arguments of the controller."""
-    noise: tuple[float, float] = (0.0, 0.0)
-    """Standard deviation of measured poses [m, rad]."""
-    pose_age: float = 0.0
-    """How old a measured pose is [s]."""
+    sense: Sense  # gives the obstacles of a step
+    options: dict[str, Any] = field(default_factory=dict)  # keyword arguments of the controller
+    noise: tuple[float, float] = (0.0, 0.0)  # standard deviation of measured poses [m, rad]
+    pose_age: float = 0.0  # how old a measured pose is [s]
     measure: Pose | None = None
     """Makes the measured pose of a step from the right one: jumps, losses."""
     frame: Callable[[], Array] | None = None
     """By how much the frame of poses and obstacles has moved (3,)."""
     kicks: dict[int, tuple[float, float, float]] = field(default_factory=dict)
     """Steps before which the robot is carried by so much, in the map's frame."""
-    goals: tuple[tuple[float, Array], ...] = ()
-    """Times [s] from which on there is another goal."""
+    goals: tuple[tuple[float, Array], ...] = ()  # times [s] from which on there is another goal
     gate: tuple[float, float] | None = None
     """Acceleration limits between controller and robot; what they leave is given as `sent`."""
     before: Callable[[int, kl.Controller], kl.Controller | None] | None = None
     """Called before each step: switches faults; a controller that it returns drives on."""
     tolerance: tuple[float, float] | None = None
     """What counts as arrived [m, rad]; a tenth of the radius and 0.1 rad if not given."""
-    limit: float = 60.0
-    """Longest time [s]."""
-    least: float = 0.0
-    """Shortest time [s]: what is still to come is waited for."""
-    stays: bool = False
-    """Whether the drive goes on after the arrival until `limit`."""
+    limit: float = 60.0  # longest time [s]
+    least: float = 0.0  # shortest time [s]: what is still to come is waited for
+    stays: bool = False  # whether the drive goes on after the arrival until `limit`
 
     @property
     def dt(self) -> float:
@@ -155,17 +143,13 @@ Make = Callable[[int], "Setup | None"]
 class Row:
     """A drive by its name."""
 
-    name: str
-    """Says what happened."""
+    name: str  # says what happened
     family: str
-    make: Make
-    """From a seed: 0 is the recorded drive; None if data is missing."""
-    quick: bool = False
-    """Whether it is among those of ``make test``."""
+    make: Make  # from a seed: 0 is the recorded drive; None if data is missing
+    quick: bool = False  # whether it is among those of ``make test``
     right: str = "arrived"
     """How it should end, or ways to end joined by slashes: anything else is a known failure."""
-    touches: bool = False
-    """Whether the robot begins in contact, or is run into while it stands."""
+    touches: bool = False  # whether the robot begins in contact, or is run into while it stands
     chatter: float = 0.15
     """Largest share of steps in which a command may jump back, where poses are sound."""
 

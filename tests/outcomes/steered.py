@@ -15,20 +15,14 @@ from outcomes.plant import LOOKS, Array
 class Steering:
     """What a car's motor and steering are like."""
 
-    sharpest: float
-    """Largest curvature [1/m]."""
-    rate: float = math.inf
-    """Fastest change of the curvature [1/m per second]."""
-    lag: float = 0.0
-    """Time constant of the motor [s]."""
+    sharpest: float  # largest curvature [1/m]
+    rate: float = math.inf  # fastest change of the curvature [1/m per second]
+    lag: float = 0.0  # time constant of the motor [s]
     gains: tuple[float, float] = (1.0, 1.0)
     """Shares of the commanded speed that happen ahead, and backwards."""
-    understeer: float = 0.0
-    """K of ``omega = v kappa / (1 + K v^2)`` [s^2/m^2]."""
-    offset: float = 0.0
-    """Curvature in which it drives when it is told to drive straight [1/m]."""
-    slip: float = 0.0
-    """Mean of the exponential slip ratios, drawn anew each period."""
+    understeer: float = 0.0  # K of ``omega = v kappa / (1 + K v^2)`` [s^2/m^2]
+    offset: float = 0.0  # curvature in which it drives when it is told to drive straight [1/m]
+    slip: float = 0.0  # mean of the exponential slip ratios, drawn anew each period
 
 
 class Bicycle:
@@ -63,10 +57,8 @@ class Bicycle:
 class Rollers:
     """What mecanum wheels are like."""
 
-    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """Shares of v_x, v_y and omega that happen."""
-    lag: float = 0.0
-    """Time constant of the motors [s]."""
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)  # shares of v_x, v_y and omega that happen
+    lag: float = 0.0  # time constant of the motors [s]
     slip: float = 0.0
     """Mean of the exponential slip ratios: of what is driven ahead, aside, and turned."""
 

@@ -46,25 +46,20 @@ NOT_GREETED = "the vehicle has accepted nothing from us yet"
 OVERRULED = (
     "the autopilot's failsafe chose HOLD before anything was driven: waiting until it clears"
 )
-CUSTOM_MODE_ENABLED = 1
-"""Flag of DO_SET_MODE."""
+CUSTOM_MODE_ENABLED = 1  # flag of DO_SET_MODE
 HEARTBEAT_LOST = 2.5
 """Silence after which the mode is not known any more [s]: of HEARTBEATs at the protocol's 1 Hz, one
 may be lost and the next be late."""
 ENABLE, WATCHED = "FS_GCS_ENABLE", "SYSID_MYGCS"
-PERIOD, TRIES = 1.0, 5
-"""Time between requests [s], and the largest number of them."""
+PERIOD, TRIES = 1.0, 5  # time between requests [s], and the largest number of them
 SET_POINT_MESSAGES = frozenset(
     ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
 )
 HEARD = frozenset((0, 82, 84, 86))
 """Message ids that are decoded of other systems: HEARTBEAT, and the set-points above."""
-MASTER_TOLD = 1.0
-"""How long a set-point of another master counts as a fault [s]."""
-STATION_TOLD = 5.0
-"""How long after its last heartbeat a ground station counts as there [s]."""
-GCS = 6
-"""MAV_TYPE of a ground station."""
+MASTER_TOLD = 1.0  # how long a set-point of another master counts as a fault [s]
+STATION_TOLD = 5.0  # how long after its last heartbeat a ground station counts as there [s]
+GCS = 6  # MAV_TYPE of a ground station
 
 
 class Aim(Enum):

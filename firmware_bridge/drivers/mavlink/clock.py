@@ -5,27 +5,20 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-WRAP = 2.0**32 / 1000.0
-"""Period of `time_boot_ms` [s]."""
-WINDOW = 20
-"""Number of recent round trips of which the shortest is used."""
+WRAP = 2.0**32 / 1000.0  # period of `time_boot_ms` [s]
+WINDOW = 20  # number of recent round trips of which the shortest is used
 SETTLED = 10
-PENDING = 8
-"""Requests that may still be answered."""
-LONGEST = 0.5
-"""Longest round trip that is used [s]."""
-REBOOT = 1.0
-"""The autopilot was restarted if `time_boot_ms` runs back by more than this [s]."""
+PENDING = 8  # requests that may still be answered
+LONGEST = 0.5  # longest round trip that is used [s]
+REBOOT = 1.0  # the autopilot was restarted if `time_boot_ms` runs back by more than this [s]
 
 
 @dataclass(frozen=True)
 class RoundTrip:
     """One answered TIMESYNC request."""
 
-    offset: float
-    """Vehicle's clock minus ours, give or take half the duration [s]."""
-    duration: float
-    """[s]"""
+    offset: float  # vehicle's clock minus ours, give or take half the duration [s]
+    duration: float  # [s]
 
 
 class VehicleClock:
@@ -37,8 +30,7 @@ class VehicleClock:
         self._last_boot: float | None = None
         self.resets = 0
         """How often the vehicle's clock began anew, since the autopilot was restarted."""
-        self.jumps = 0
-        """How often the vehicle's clock was set or began anew."""
+        self.jumps = 0  # how often the vehicle's clock was set or began anew
 
     @property
     def best(self) -> RoundTrip | None:

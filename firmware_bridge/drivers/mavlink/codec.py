@@ -50,8 +50,7 @@ COUNTERS = (
 )
 Wanted = Callable[[int, int, int], bool]
 """Whether a frame of this system and component with this message id is worth decoding."""
-PERIOD = 30.0
-"""Between writes [s]: as seldom as ArduPilot itself writes its own."""
+PERIOD = 30.0  # between writes [s]: as seldom as ArduPilot itself writes its own
 LONGEST = 32
 
 
@@ -90,8 +89,7 @@ class MavlinkCodec:
         self._buffer = bytearray()
         self._waiting_since = math.inf
         self.counters = dict.fromkeys(COUNTERS, 0)
-        self.newest_stamp = 0
-        """Newest time stamp of all correct signatures [10 us since 2015]."""
+        self.newest_stamp = 0  # newest time stamp of all correct signatures [10 us since 2015]
         self._check, self._mav.check_signature = self._mav.check_signature, self._check_signature
         if accept_unsigned:
             self._mav.signing.allow_unsigned_callback = lambda mav, message: True
@@ -243,8 +241,7 @@ class SigningStamp:
         self._path = None if key_file is None else Path(f"{key_file}.stamp")
         self._kept = self._read()
         self._due = -float("inf")
-        self.problem = ""
-        """Why it cannot be kept."""
+        self.problem = ""  # why it cannot be kept
 
     @property
     def unix_time(self) -> float:

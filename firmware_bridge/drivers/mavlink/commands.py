@@ -21,20 +21,17 @@ from firmware_bridge.frames import enu_to_ned
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = range(6)
 """MAV_RESULT; an ArduPilot that cannot arm yet answers FAILED."""
-SET_MODE, ARM, PREARM_CHECKS, SET_MESSAGE_INTERVAL = 176, 400, 401, 511
-"""MAV_CMD"""
+SET_MODE, ARM, PREARM_CHECKS, SET_MESSAGE_INTERVAL = 176, 400, 401, 511  # MAV_CMD
 SILENCE = 0.3
 """An acknowledgement that has not come after this long is lost: the command is sent again [s]."""
-REFUSED = 1.0
-"""How long to wait before asking again what was refused for now [s]."""
+REFUSED = 1.0  # how long to wait before asking again what was refused for now [s]
 SendCommand = Callable[[int, Sequence[float], int], None]
 """Puts a COMMAND_LONG on the wire: command, parameters, confirmation."""
 EAGER, CALM = 0.1, 1.0
 """Between heartbeats, before and after one of them is known to be accepted [s]."""
 SETTLE = 0.3
 """ArduPilot looks at its failsafes ten times a second: it has seen our heartbeat after this [s]."""
-FORGET = 5.0
-"""Without an answer for this long it is not known any more whether we are accepted [s]."""
+FORGET = 5.0  # without an answer for this long it is not known any more whether we are accepted [s]
 
 
 class Due:

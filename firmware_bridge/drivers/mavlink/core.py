@@ -40,13 +40,10 @@ Lock = AbstractContextManager[Any]
 NO_LOCK: Lock = nullcontext()
 ARDUPILOT, ROVER_TYPES = 3, (10, 11)
 """MAV_AUTOPILOT, and MAV_TYPE of a ground rover and a surface boat."""
-ARMED = 128
-"""Flag of HEARTBEAT.base_mode."""
-CRITICAL = 5
-"""HEARTBEAT.system_status while a failsafe of the autopilot acts."""
+ARMED = 128  # flag of HEARTBEAT.base_mode
+CRITICAL = 5  # HEARTBEAT.system_status while a failsafe of the autopilot acts
 TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD, ANSWER_PERIOD = 1.0, 0.1, 2.0, 0.05
-TIMESYNC_FIRST = 0.1
-"""Between requests until enough were answered [s]."""
+TIMESYNC_FIRST = 0.1  # between requests until enough were answered [s]
 
 
 class MavlinkCore:

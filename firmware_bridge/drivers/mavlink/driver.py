@@ -22,8 +22,7 @@ from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 TICK = 0.047
 """Period of the driver's thread [s]: no multiple of an autopilot's loop period, or all TIMESYNC
 requests would wait equally long in that loop."""
-FAREWELL = 1.0
-"""How long `close` waits for HOLD to be confirmed [s]."""
+FAREWELL = 1.0  # how long `close` waits for HOLD to be confirmed [s]
 
 
 class MavlinkDriver:

@@ -15,8 +15,7 @@ from kmpc_lite.reading import read_bytes
 GCS, COMPANION = "gcs", "companion"
 EKF, MOCAP = "ekf", "mocap"
 KEY_BYTES, MAX_KEY_BYTES = 32, 4096
-EARTH = (90.0, 180.0, 1e4)
-"""Largest latitude, longitude [degrees] and altitude [m] of an origin."""
+EARTH = (90.0, 180.0, 1e4)  # largest latitude, longitude [degrees] and altitude [m] of an origin
 
 
 @dataclass(frozen=True)
@@ -26,10 +25,8 @@ class MavlinkOptions:
     Raises ConfigError: names the option that is wrong.
     """
 
-    system: int = 1
-    """The only system that is obeyed."""
-    component: int = 1
-    """The only component of it that is obeyed: 1 is the autopilot."""
+    system: int = 1  # the only system that is obeyed
+    component: int = 1  # the only component of it that is obeyed: 1 is the autopilot
     role: str = GCS
     """"gcs": a ground station, which ArduPilot's GCS failsafe watches; "companion": a computer on
     board."""
@@ -37,17 +34,13 @@ class MavlinkOptions:
     """Our system id: 255 for a ground station, the vehicle's for a companion."""
     own_component: int | None = None
     """Our component id: 190 for a ground station, 191 for a companion."""
-    rate: float = 40.0
-    """Pose telemetry to ask for [Hz]; less is taken where it is denied."""
-    arm: bool = False
-    """Whether to switch to GUIDED and arm on connect; if not, the pilot does both."""
-    pose: str = EKF
-    """"ekf": the vehicle's own sensors; "mocap": poses given to `feed_pose`."""
+    rate: float = 40.0  # pose telemetry to ask for [Hz]; less is taken where it is denied
+    arm: bool = False  # whether to switch to GUIDED and arm on connect; if not, the pilot does both
+    pose: str = EKF  # "ekf": the vehicle's own sensors; "mocap": poses given to `feed_pose`
     origin: tuple[float, float, float] | None = None
     """With mocap: latitude, longitude [deg], altitude [m] to call the origin; ArduPilot obeys no
     set-point without one."""
-    failsafe: bool = True
-    """Turn ArduPilot's GCS failsafe on where it is off (the parameter stays)."""
+    failsafe: bool = True  # turn ArduPilot's GCS failsafe on where it is off (the parameter stays)
     key_file: str | None = None
     """Signing key: 32 bytes, or 64 hexadecimal digits; readable by its owner only."""
 

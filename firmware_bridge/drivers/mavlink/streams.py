@@ -12,12 +12,10 @@ from dataclasses import dataclass, field
 from firmware_bridge.drivers.mavlink.commands import ACCEPTED, SET_MESSAGE_INTERVAL, CommandDesk
 
 EKF_STATUS = 193
-EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0
-"""Largest rates that are asked for [Hz]."""
+EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0  # largest rates that are asked for [Hz]
 LATE_PERIODS, LATE = 3.0, 0.03
 """A stream is late after this many of its periods, plus this time on the link [s]."""
-ENOUGH = 0.75
-"""Less than this share of the rate that was asked for is too little."""
+ENOUGH = 0.75  # less than this share of the rate that was asked for is too little
 WINDOW, PERIODS = 1.0, 8
 """Rates are counted over this time [s], and over at least this many of a stream's periods: one that
 comes once a second, and now and then a little later, would count as none at all."""
@@ -27,31 +25,25 @@ each time that asking does not help."""
 OFTEN, MINUTE = 3, 60.0
 """A stream that pauses this many times in this time [s] is lowered repeatedly; one pause may be
 a stall of anything."""
-TOLD = 10.0
-"""How long a lowered stream is reported [s]."""
+TOLD = 10.0  # how long a lowered stream is reported [s]
 CAUSE = "another station lowers it (MAVProxy: --streamrate -1), or the link is too slow"
-ALIVE = 3.0
-"""A stream seen within this time counts as coming, though perhaps too slowly [s]."""
+ALIVE = 3.0  # a stream seen within this time counts as coming, though perhaps too slowly [s]
 
 
 @dataclass
 class Stream:
     """One kind of telemetry."""
 
-    message: int
-    """Its message id."""
+    message: int  # its message id
     name: str
-    rates: tuple[float, ...]
-    """Rates to ask for, the next where one is refused [Hz]."""
+    rates: tuple[float, ...]  # rates to ask for, the next where one is refused [Hz]
     needed: bool = True
     level: int = 0
     seen: float = -float("inf")
     asked: float = -float("inf")
     answered: bool = False
-    refused: bool = False
-    """Whether the vehicle gives it at no rate."""
-    lowered: float = -float("inf")
-    """When it was last found to come too slowly [s]."""
+    refused: bool = False  # whether the vehicle gives it at no rate
+    lowered: float = -float("inf")  # when it was last found to come too slowly [s]
     _again: float = AGAIN
     _since: float = float("inf")
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=512))
@@ -129,8 +121,7 @@ class StreamRequests:
     streams: tuple[Stream, ...]
     patience: float = 1.5
     """How long a stream may be silent, after it was asked for or last seen [s]."""
-    lowered: int = 0
-    """How often a stream was found to come more rarely than asked for."""
+    lowered: int = 0  # how often a stream was found to come more rarely than asked for
     _current: Stream | None = field(default=None, init=False)
 
     def saw(self, message: int, now: float) -> None:

@@ -26,20 +26,14 @@ if TYPE_CHECKING:
     from firmware_bridge.drivers.mavlink.core import MavlinkCore
 
 ATTITUDE, VELOCITY_HORIZ, POS_HORIZ_REL, POS_HORIZ_ABS = 1, 2, 8, 16
-CONST_POS_MODE, UNINITIALIZED, GPS_GLITCHING = 128, 1024, 32768
-"""Flags of EKF_STATUS_REPORT."""
-EKF_AGE = 0.25
-"""How old the flags may be [s]."""
-PAIR = 0.2
-"""How far apart a position and the attitude used with it may be [s]."""
+CONST_POS_MODE, UNINITIALIZED, GPS_GLITCHING = 128, 1024, 32768  # flags of EKF_STATUS_REPORT
+EKF_AGE = 0.25  # how old the flags may be [s]
+PAIR = 0.2  # how far apart a position and the attitude used with it may be [s]
 MISSING, TOLD = 0.25, 1.0
 """How long refused poses are reported [s], after this time without a good one [s]."""
-FARTHEST, FASTEST = 1e5, 100.0
-"""Positions [m] and speeds [m/s, rad/s] beyond these are no rover's."""
-ORIGIN_MOVES = 10
-"""An origin that moves by more than this is another one [1e-7 degrees]: 0.1 m."""
-FUTURE = 0.05
-"""A stamp may lie this far ahead of the time at which it is given [s]."""
+FARTHEST, FASTEST = 1e5, 100.0  # positions [m] and speeds [m/s, rad/s] beyond these are no rover's
+ORIGIN_MOVES = 10  # an origin that moves by more than this is another one [1e-7 degrees]: 0.1 m
+FUTURE = 0.05  # a stamp may lie this far ahead of the time at which it is given [s]
 PERIOD = 0.02
 """Least time between poses that are passed on [s]: a serial link has no room for all poses of a
 faster motion capture."""
@@ -53,10 +47,8 @@ class PoseTracker:
         self.oldest_part = -math.inf
         """When the older of the position and the attitude behind `state` was true [s]."""
         self.flags: int | None = None
-        self.refused = 0
-        """Messages refused for impossible values."""
-        self.unpaired = 0
-        """Positions without an attitude near them in time."""
+        self.refused = 0  # messages refused for impossible values
+        self.unpaired = 0  # positions without an attitude near them in time
         self._flags_stamp = self._refused_at = -math.inf
         self._attitude: tuple[float, float, float] | None = None
 
@@ -119,10 +111,8 @@ class FrameWatch:
     """Doubts the frame after a restart or a jump of clock or origin, until it is confirmed."""
 
     def __init__(self) -> None:
-        self.doubt = ""
-        """Why the frame may have moved, empty if nothing says so."""
-        self.doubts = 0
-        """How often the frame was doubted."""
+        self.doubt = ""  # why the frame may have moved, empty if nothing says so
+        self.doubts = 0  # how often the frame was doubted
         self._resets = 0
         self._origin: tuple[int, int] | None = None
 
@@ -160,11 +150,9 @@ class MocapFeed:
         self, options: MavlinkOptions, build: MessageBuilder, send: Callable[[Any], None]
     ) -> None:
         self._options, self._build, self._send = options, build, send
-        self.stamp = -math.inf
-        """Stamp of the newest pose [s]."""
+        self.stamp = -math.inf  # stamp of the newest pose [s]
         self.refused = 0
-        self.has_origin = False
-        """Whether the vehicle has an origin."""
+        self.has_origin = False  # whether the vehicle has an origin
         self._sent = -math.inf
 
     def feed(self, x: float, y: float, theta: float, stamp: float, now: float) -> None:
@@ -193,16 +181,11 @@ class MocapFeed:
         self._send(self._build.origin(*self._options.origin))
 
 
-CHUNK = 50
-"""Characters of one STATUSTEXT; longer texts come in several."""
-PATIENCE = 1.0
-"""Time after which a text with missing chunks is given out as far as it has come [s]."""
-KEPT = 20
-"""Texts that are remembered of each sort: whole, in chunks, and reasons for not arming."""
-FRESH = 35.0
-"""Oldest reason for not arming that still counts [s]: ArduPilot repeats it every 30 s."""
-AT_ONCE = 1.5
-"""ArduPilot sends all its reasons for not arming within this time [s]."""
+CHUNK = 50  # characters of one STATUSTEXT; longer texts come in several
+PATIENCE = 1.0  # time after which a text with missing chunks is given out as far as it has come [s]
+KEPT = 20  # texts that are remembered of each sort: whole, in chunks, and reasons for not arming
+FRESH = 35.0  # oldest reason for not arming that still counts [s]: ArduPilot repeats it every 30 s
+AT_ONCE = 1.5  # ArduPilot sends all its reasons for not arming within this time [s]
 REFUSALS = ("PreArm:", "Arm:")
 GAP = " ... "
 

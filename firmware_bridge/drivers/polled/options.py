@@ -17,10 +17,8 @@ class PolledOptions:
 
     command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
     """The driver itself sends zero speed when the last command is older [s]."""
-    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
-    """Rounds of questions per second [Hz]."""
-    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
-    """How long a reply may take [s]."""
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)  # rounds of questions per second [Hz]
+    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)  # how long a reply may take [s]
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -59,8 +57,7 @@ def check_watchdog(command_timeout: float, watchdog: float) -> None:
         )
 
 
-INT32 = 2**31
-"""Counts, and speeds of boards, are 32-bit numbers."""
+INT32 = 2**31  # counts, and speeds of boards, are 32-bit numbers
 
 
 def counts_per_metre(geometry: Geometry, counts_per_turn: float) -> float:

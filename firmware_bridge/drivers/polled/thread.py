@@ -24,19 +24,14 @@ from firmware_bridge.odometry import Steering, WheelOdometry
 STRANGERS, STRANGERS_WITHIN = 5, 1.0
 """This many unsolicited replies within this many seconds: another program talks to the
 board. A reply that comes after its time-out is none of them, if it comes within this time."""
-MOST_LATE = 100
-"""Questions given up whose replies may still come: more than there are in that time."""
+MOST_LATE = 100  # questions given up whose replies may still come: more than there are in that time
 SETTLE = 0.012
 """Silence after a reply that did not come: past the 10 ms after which a RoboClaw forgets half a
 packet [s]."""
-SILENCE = 0.5
-"""A board that has answered nothing for so long is set up anew [s]."""
-ZEROS = 3
-"""How often a zero is repeated to a board that does not answer commands."""
-JUMP_SHOWN = 1.0
-"""How long a jump of the counters makes the pose count as untrue [s]."""
-ABSURD = 5.0
-"""Speeds beyond this multiple of the limit are refused."""
+SILENCE = 0.5  # a board that has answered nothing for so long is set up anew [s]
+ZEROS = 3  # how often a zero is repeated to a board that does not answer commands
+JUMP_SHOWN = 1.0  # how long a jump of the counters makes the pose count as untrue [s]
+ABSURD = 5.0  # speeds beyond this multiple of the limit are refused
 
 
 class BoardPose:
@@ -48,8 +43,7 @@ class BoardPose:
     def __init__(self, geometry: Geometry, odometry: WheelOdometry) -> None:
         self._geometry, self._odometry = geometry, odometry
         self._jumped = self._restarted = -math.inf
-        self.state: State | None = None
-        """Newest state; None before the first counters."""
+        self.state: State | None = None  # newest state; None before the first counters
 
     @property
     def stamp(self) -> float:
@@ -118,10 +112,8 @@ class Exchange:
         self.changed = threading.Condition()
         """Held while reading or writing shared data; notified of replies."""
         self.closing = False
-        self.expected: Hashable = None
-        """Key of the reply that is waited for."""
-        self.heard = -math.inf
-        """When the board last answered [s]."""
+        self.expected: Hashable = None  # key of the reply that is waited for
+        self.heard = -math.inf  # when the board last answered [s]
         self._reply: tuple[bytes, float] | None = None
         self._strangers: list[float] = []
         self._given_up: deque[float] = deque(maxlen=MOST_LATE)
@@ -189,18 +181,12 @@ class Exchange:
 class HeldCommand:
     """Speeds of all channels; the driver's lock is held around every call."""
 
-    timeout: float
-    """A command that is older is replaced by zero [s]."""
-    repeats: int
-    """How often a zero is repeated."""
-    value: tuple[float, ...]
-    """[motor turns/s]"""
-    stamp: float = -math.inf
-    """When it came, on the monotonic clock [s]."""
-    pending: bool = False
-    """Whether it is still to be sent."""
-    zeros: int = 0
-    """How many repetitions of a zero are left."""
+    timeout: float  # a command that is older is replaced by zero [s]
+    repeats: int  # how often a zero is repeated
+    value: tuple[float, ...]  # [motor turns/s]
+    stamp: float = -math.inf  # when it came, on the monotonic clock [s]
+    pending: bool = False  # whether it is still to be sent
+    zeros: int = 0  # how many repetitions of a zero are left
 
     def put(self, value: tuple[float, ...], now: float) -> None:
         """Take a new command [motor turns/s]."""

@@ -10,25 +10,20 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-PATIENCE = 1.0
-"""How long a driven wheel's counter may stand [s]: longer than any motor's lag."""
+PATIENCE = 1.0  # how long a driven wheel's counter may stand [s]: longer than any motor's lag
 TRAVEL, COUNTS = 0.15, 3.0
 """Smallest commanded distance before that [m], or counts: a slow wheel may stick,
 and a coarse encoder says little."""
-SHARE = 0.02
-"""Share of the commanded turn below which a counter stands."""
+SHARE = 0.02  # share of the commanded turn below which a counter stands
 
 
 @dataclass
 class Stretch:
     """Commanded and measured turn of a wheel since its counter moved last."""
 
-    since: float = math.nan
-    """[s]"""
-    asked: float = 0.0
-    """[rad]"""
-    turned: float = 0.0
-    """[rad]"""
+    since: float = math.nan  # [s]
+    asked: float = 0.0  # [rad]
+    turned: float = 0.0  # [rad]
 
 
 class DeadWheels:
@@ -82,8 +77,7 @@ class DeadWheels:
 
 OVERSHOOT, MARGIN = 1.5, 0.25
 """Largest wheel speed relative to the command, plus this share of its top speed."""
-LASTS = 0.2
-"""It runs away once it does so for this long [s]."""
+LASTS = 0.2  # it runs away once it does so for this long [s]
 HINT = "are the lines of its encoder or its motor exchanged?"
 
 
@@ -91,10 +85,8 @@ HINT = "are the lines of its encoder or its motor exchanged?"
 class Wheel:
     """Recent commands of a wheel."""
 
-    asked: deque[tuple[float, float]] = field(default_factory=deque)
-    """When [s], and what [rad/s]."""
-    wrong_since: float = math.inf
-    """[s]"""
+    asked: deque[tuple[float, float]] = field(default_factory=deque)  # when [s], and what [rad/s]
+    wrong_since: float = math.inf  # [s]
 
     def excess(self, speed: float, now: float, margin: float) -> str:
         """What is wrong with a speed [rad/s], in words; empty if nothing is."""

@@ -31,13 +31,10 @@ from kmpc_lite.types import Array
 FORMAT, VERSION = "kmpc.drive", "1"
 BEGIN, END = "kmpc.drive", "kmpc.outcome"
 """Names of the texts at the beginning and at the end of a file."""
-STAGES = 25
-"""So many stages of a plan are recorded at the most: every so manieth of a longer one."""
-POINTS = 100
-"""So many points of a path."""
+STAGES = 25  # so many stages of a plan are recorded at the most: every so manieth of a longer one
+POINTS = 100  # so many points of a path
 Told = Iterator[tuple[str, dict[str, Any]]]
-SCENE_PERIOD = 0.2
-"""Time between two scenes, which are for eyes alone [s]."""
+SCENE_PERIOD = 0.2  # time between two scenes, which are for eyes alone [s]
 
 
 class DriveEncoder:

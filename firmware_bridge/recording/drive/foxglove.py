@@ -12,12 +12,9 @@ from kmpc_lite.control.world.scan import LaserScan
 Content = dict[str, Any]
 MAP, ROBOT = "map", "base_link"
 """Frames: x east and y north; and the robot's, x ahead and y to the left."""
-STRIP, LOOP = 0, 1
-"""Kinds of lines: open, and closed."""
-INFO, WARNING = 2, 3
-"""Levels of log messages."""
-DIGITS = 4
-"""Of lengths: a tenth of a millimetre."""
+STRIP, LOOP = 0, 1  # kinds of lines: open, and closed
+INFO, WARNING = 2, 3  # levels of log messages
+DIGITS = 4  # of lengths: a tenth of a millimetre
 ORIGIN = (0.0, 0.0, 0.0)
 SHAPES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
 """That an entity may have."""

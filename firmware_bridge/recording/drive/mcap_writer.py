@@ -17,20 +17,16 @@ class Topic(NamedTuple):
     """A stream of messages of one kind."""
 
     name: str
-    schema: str
-    """Name of its kind, ``foxglove.PoseInFrame``."""
-    description: Mapping[str, Any]
-    """Its JSON schema."""
+    schema: str  # name of its kind, ``foxglove.PoseInFrame``
+    description: Mapping[str, Any]  # its JSON schema
 
 
 class Message(NamedTuple):
     """One message of a topic."""
 
     topic: str
-    time: int
-    """[ns]"""
-    content: Mapping[str, Any]
-    """What JSON can hold."""
+    time: int  # [ns]
+    content: Mapping[str, Any]  # what JSON can hold
 
 
 class _Pieces:

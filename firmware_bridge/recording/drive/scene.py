@@ -17,18 +17,12 @@ from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#8a8a8a", "#0072b2", "#e69f00", "#009e73"
-FLAT = 0.01
-"""Height of what lies on the floor [m]."""
-HEIGHT = 0.3
-"""Of obstacles, as a multiple of the robot's diameter plus this [m]."""
-LOW = 0.2
-"""Height of the robot, as a multiple of its radius plus this [m]."""
-NEAREST = 8
-"""So many obstacles are shown with a margin: the nearest to the plan."""
-DISCS = 5
-"""So many places of a plan are shown with what the robot keeps around them."""
-MOST_BOXES = 5000
-"""Rectangles of a grid that are shown."""
+FLAT = 0.01  # height of what lies on the floor [m]
+HEIGHT = 0.3  # of obstacles, as a multiple of the robot's diameter plus this [m]
+LOW = 0.2  # height of the robot, as a multiple of its radius plus this [m]
+NEAREST = 8  # so many obstacles are shown with a margin: the nearest to the plan
+DISCS = 5  # so many places of a plan are shown with what the robot keeps around them
+MOST_BOXES = 5000  # rectangles of a grid that are shown
 
 
 def map_scene(time: int, scenario: Scenario) -> Content:

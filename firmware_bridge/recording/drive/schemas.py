@@ -102,10 +102,8 @@ TOPICS = tuple(
 class PoseSeen(NamedTuple):
     """A pose, as it was measured."""
 
-    time: float
-    """When it was true [s]."""
-    pose: tuple[float, float, float]
-    """x, y [m], theta [rad]."""
+    time: float  # when it was true [s]
+    pose: tuple[float, float, float]  # x, y [m], theta [rad]
 
 
 class TruePose(NamedTuple):
@@ -126,21 +124,14 @@ class Sent(NamedTuple):
 class Stepped(NamedTuple):
     """A step of the controller: what it was given, and its plan."""
 
-    time: float
-    """When the step began [s]."""
-    pose: tuple[float, float, float]
-    """What it planned from."""
+    time: float  # when the step began [s]
+    pose: tuple[float, float, float]  # what it planned from
     plan: Plan
-    path: Array
-    """(K, 2) that guidance follows [m]."""
-    margins: Array
-    """(N,) of the stages of the plan [m]."""
-    circles: Array
-    """(M, 5) obstacles: x, y, radius [m], vx, vy [m/s]."""
-    pose_age: float | None = None
-    """Age of the pose when the step began [s]."""
-    scan: Any = None
-    """`LaserScan` that it was given."""
+    path: Array  # (K, 2) that guidance follows [m]
+    margins: Array  # (N,) of the stages of the plan [m]
+    circles: Array  # (M, 5) obstacles: x, y, radius [m], vx, vy [m/s]
+    pose_age: float | None = None  # age of the pose when the step began [s]
+    scan: Any = None  # `LaserScan` that it was given
 
 
 class Gate(NamedTuple):
@@ -155,8 +146,7 @@ class Health(NamedTuple):
     """State of link and vehicle, now and then."""
 
     time: float
-    values: Mapping[str, Any]
-    """What JSON can hold."""
+    values: Mapping[str, Any]  # what JSON can hold
 
 
 class Note(NamedTuple):
@@ -171,8 +161,7 @@ class Ended(NamedTuple):
     """The drive is over."""
 
     time: float
-    outcome: Mapping[str, Any]
-    """What JSON can hold: see `kmpc_lab.recording.simulated`."""
+    outcome: Mapping[str, Any]  # what JSON can hold: see `kmpc_lab.recording.simulated`
 
 
 Record = PoseSeen | TruePose | Sent | Stepped | Gate | Health | Note | Ended

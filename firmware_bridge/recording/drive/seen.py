@@ -21,14 +21,10 @@ if TYPE_CHECKING:
 
 NOTHING, CLEAR = -1.0, -2.0
 """Ranges that no sensor measures: a beam that tells nothing, and one that met nothing."""
-BEAMS = 120
-"""Hits of a scan that a report shows at the most."""
-CORNERS = 90
-"""Of the outline of what a scan saw to be free."""
-ALL_AROUND = 0.99 * 2.0 * np.pi
-"""Field of view without a gap [rad]."""
-STEP = 0.005
-"""To which the corners are rounded [m]."""
+BEAMS = 120  # hits of a scan that a report shows at the most
+CORNERS = 90  # of the outline of what a scan saw to be free
+ALL_AROUND = 0.99 * 2.0 * np.pi  # field of view without a gap [rad]
+STEP = 0.005  # to which the corners are rounded [m]
 
 
 def told_ranges(scan: LaserScan) -> Array:

@@ -22,14 +22,11 @@ SIZE = 47
 PACKET = struct.Struct("<2sHH36sHHB")
 POINT = struct.Struct("<HB")
 POLYNOMIAL = 0x4D
-CIRCLE = 36000
-"""A turn in hundredths of a degree."""
+CIRCLE = 36000  # a turn in hundredths of a degree
 BAUD = 230400
-RANGE_MIN, RANGE_MAX = 0.02, 12.0
-"""[m]"""
+RANGE_MIN, RANGE_MAX = 0.02, 12.0  # [m]
 RADIANS = math.tau / CIRCLE
-SLOWEST = 360
-"""A motor that makes less than a turn a second is stuck, or has no power [deg/s]."""
+SLOWEST = 360  # a motor that makes less than a turn a second is stuck, or has no power [deg/s]
 
 
 def _table() -> bytes:
@@ -62,16 +59,11 @@ def crc8(data: bytes) -> int:
 class Ld06Packet:
     """Twelve points."""
 
-    speed: int
-    """[deg/s]"""
-    start: int
-    """Angle of the first point, clockwise [0.01 deg]."""
-    points: tuple[tuple[int, int], ...]
-    """Distance [mm], 0 for none, and intensity of each."""
-    end: int
-    """Angle of the last point [0.01 deg]."""
-    time: int
-    """[ms], which wraps at 30000."""
+    speed: int  # [deg/s]
+    start: int  # angle of the first point, clockwise [0.01 deg]
+    points: tuple[tuple[int, int], ...]  # distance [mm], 0 for none, and intensity of each
+    end: int  # angle of the last point [0.01 deg]
+    time: int  # [ms], which wraps at 30000
 
     @property
     def angles(self) -> list[float]:
@@ -95,8 +87,7 @@ class Ld06Packets(Packets[Ld06Packet]):
 
     def __init__(self) -> None:
         super().__init__()
-        self.bad_crc = 0
-        """Packets whose CRC is wrong."""
+        self.bad_crc = 0  # packets whose CRC is wrong
         self.packets = 0
 
     def _cut(self, buffer: bytearray, at: int) -> tuple[int, Ld06Packet | None] | None:

@@ -20,21 +20,15 @@ from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
 from firmware_bridge.sensors.sight import Sweep
 
-LONGEST = 8192
-"""A turn of more beams is none: a sensor whose angle does not advance, or a flood."""
-FEWEST = 24
-"""A turn of fewer beams is none."""
+LONGEST = 8192  # a turn of more beams is none: a sensor whose angle does not advance, or a flood
+FEWEST = 24  # a turn of fewer beams is none
 PARTS = 36
 """Equal parts of a turn, of which at least half must hold a beam: a motor that is stuck, or
 jitters, makes no turn."""
-SLOWEST, FASTEST = 1.0, 0.02
-"""How long a turn may take, and must [s]."""
-RECENT = 9
-"""Number of recent turns from which the time of the next is estimated."""
-RATE_AGE = 2.0
-"""A sensor whose last turn is older turns no more [s]."""
-SILENCE = 1.0
-"""A lidar that sends nothing for so long is not heard [s]."""
+SLOWEST, FASTEST = 1.0, 0.02  # how long a turn may take, and must [s]
+RECENT = 9  # number of recent turns from which the time of the next is estimated
+RATE_AGE = 2.0  # a sensor whose last turn is older turns no more [s]
+SILENCE = 1.0  # a lidar that sends nothing for so long is not heard [s]
 
 
 class Turns:
@@ -114,14 +108,10 @@ def _whole(angles: np.ndarray) -> bool:
 class LidarHealth:
     """What is known of a lidar."""
 
-    connected: bool
-    """Whether its link is open."""
-    name: str
-    """What it says it is."""
-    rate: float
-    """Turns, or scans, per second [Hz]; 0 if none come."""
-    faults: tuple[str, ...] = ()
-    """Why no scans come, in words to act on."""
+    connected: bool  # whether its link is open
+    name: str  # what it says it is
+    rate: float  # turns, or scans, per second [Hz]; 0 if none come
+    faults: tuple[str, ...] = ()  # why no scans come, in words to act on
     counters: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -151,19 +141,15 @@ class SerialLidar:
     """
 
     name = "lidar"
-    bauds = ""
-    """Its usual speed, for a hint."""
-    TEND = 0.05
-    """Between two looks of `_tend` [s]."""
+    bauds = ""  # its usual speed, for a hint
+    TEND = 0.05  # between two looks of `_tend` [s]
 
     def __init__(self, transport: Transport, turns: Turns) -> None:
         self._transport, self._turns = transport, turns
-        self._lock = threading.Lock()
-        """Held while bytes are taken, for one read, or forgotten."""
+        self._lock = threading.Lock()  # held while bytes are taken, for one read, or forgotten
         self._quit, self._turned = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
-        self._heard = -math.inf
-        """When the last whole packet came [s]."""
+        self._heard = -math.inf  # when the last whole packet came [s]
         self._errors, self._error = 0, ""
 
     # What a kind of lidar adds

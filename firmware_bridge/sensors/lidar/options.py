@@ -13,23 +13,20 @@ from firmware_bridge.options import bounded, check, from_table
 
 LIDARS = ("rplidar", "ld06")
 NO_RETURN = ("unknown", "free")
-SECTORS = 64
-"""More sectors than this are no robot's."""
+SECTORS = 64  # more sectors than this are no robot's
 
 
 @dataclass(frozen=True)
 class LidarOptions:
     """The ``[lidar]`` section."""
 
-    driver: str
-    """rplidar (SLAMTEC A1, A2) or ld06 (LDROBOT LD06, LD19)."""
+    driver: str  # rplidar (SLAMTEC A1, A2) or ld06 (LDROBOT LD06, LD19)
     link: str | None = None
     """serial:PATH, pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; it must be given."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Pose of the sensor on the robot: ahead, to the left [m], and where its front points,
     counter-clockwise [rad]."""
-    mirrored: bool = False
-    """Whether it hangs upside down."""
+    mirrored: bool = False  # whether it hangs upside down
     range_min: float | None = bounded(0.0, 100.0, "m", None)
     """Nearer returns count as unknown [m]; the sensor's own limit if not given."""
     range_max: float | None = bounded(0.05, 1000.0, "m", None)
@@ -37,10 +34,8 @@ class LidarOptions:
     ignore: tuple[tuple[float, float], ...] = ()
     """Sectors from, to [rad], counter-clockwise from ahead, in which the sensor sees the robot
     itself: what lies there counts as unknown."""
-    beams: int = bounded(36, 1440, "", 360)
-    """Of a scan as the controller takes it."""
-    noise: float = bounded(0.0, 1.0, "m", 0.02)
-    """Standard deviation of a distance [m]."""
+    beams: int = bounded(36, 1440, "", 360)  # of a scan as the controller takes it
+    noise: float = bounded(0.0, 1.0, "m", 0.02)  # standard deviation of a distance [m]
     no_return: str = "unknown"
     """What a beam without a return is: "unknown" (black, mirrors, glass, or nothing near), or
     "free": nothing within reach."""

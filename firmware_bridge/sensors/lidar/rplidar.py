@@ -24,13 +24,10 @@ STOP, RESET, SCAN, GET_INFO, GET_HEALTH, SET_PWM = 0x25, 0x40, 0x20, 0x50, 0x52,
 WITH_PAYLOAD = 0x80
 DESCRIPTOR = b"\xa5\x5a"
 INFO, HEALTH, NODES = 0x04, 0x06, 0x81
-SIZES = {INFO: 20, HEALTH: 3, NODES: 5}
-"""Bytes of an answer's data by its type."""
-STREAM = 1
-"""Mode of an answer that goes on until STOP."""
+SIZES = {INFO: 20, HEALTH: 3, NODES: 5}  # bytes of an answer's data by its type
+STREAM = 1  # mode of an answer that goes on until STOP
 NODE = struct.Struct("<BHH")
-CIRCLE = 360 * 64
-"""A turn in units of a node's angle."""
+CIRCLE = 360 * 64  # a turn in units of a node's angle
 FORWARD, BACKWARD = 30 * 64, 4 * 64
 """From one node to the next the angle grows by less than the first, and falls by less than the
 second: else a byte was lost."""
@@ -38,23 +35,16 @@ PROOF = 6
 """After a lost byte so many nodes in a row must be right before they count: chance makes one node
 in fifty look right."""
 BAUD = 115200
-RANGE_MIN, RANGE_MAX = 0.15, 12.0
-"""[m]"""
+RANGE_MIN, RANGE_MAX = 0.15, 12.0  # [m]
 RADIANS, METRES = math.tau / CIRCLE, 0.25e-3
-PATIENCE = 0.4
-"""How long an answer may take [s]."""
-QUIET = 0.02
-"""Silence after STOP, of which the protocol wants 1 ms [s]."""
-SPIN_UP = 3.0
-"""Longest silence of a sensor that should scan, before it is restarted [s]."""
-BOOT = 1.0
-"""How long RESET takes [s]."""
-PWM = 660
-"""SLAMTEC's own default for the motor of an A2 on its USB adapter."""
+PATIENCE = 0.4  # how long an answer may take [s]
+QUIET = 0.02  # silence after STOP, of which the protocol wants 1 ms [s]
+SPIN_UP = 3.0  # longest silence of a sensor that should scan, before it is restarted [s]
+BOOT = 1.0  # how long RESET takes [s]
+PWM = 660  # SLAMTEC's own default for the motor of an A2 on its USB adapter
 SECOND_SERIES = 2
 """High digit of the model from which on the adapter takes a PWM; an A1's motor follows DTR."""
-GOOD, WARNING, ERROR = 0, 1, 2
-"""Status of GET_HEALTH."""
+GOOD, WARNING, ERROR = 0, 1, 2  # status of GET_HEALTH
 
 
 def request(command: int, payload: bytes = b"") -> bytes:
@@ -83,14 +73,10 @@ def descriptor(kind: int) -> bytes:
 class Node:
     """One beam."""
 
-    angle: int
-    """Clockwise [1/64 deg]."""
-    distance: int
-    """[1/4 mm]; 0 for none."""
-    quality: int
-    """0 to 63."""
-    start: bool
-    """Whether it is the first of a turn."""
+    angle: int  # clockwise [1/64 deg]
+    distance: int  # [1/4 mm]; 0 for none
+    quality: int  # 0 to 63
+    start: bool  # whether it is the first of a turn
 
     def to_bytes(self) -> bytes:
         """Build the node.
@@ -110,14 +96,11 @@ class RplidarAnswers:
         self._buffer = bytearray()
         self._streaming = False
         self._previous: int | None = None
-        self._proven: list[Node] = []
-        """Nodes that wait for those that follow to prove them."""
+        self._proven: list[Node] = []  # nodes that wait for those that follow to prove them
         self._trusted = False
-        self.bad = 0
-        """Bytes skipped."""
+        self.bad = 0  # bytes skipped
         self.nodes = 0
-        self.losses = 0
-        """How often bytes were found to be missing, or wrong."""
+        self.losses = 0  # how often bytes were found to be missing, or wrong
 
     def reset(self) -> None:
         """Expect an answer, no nodes any more."""

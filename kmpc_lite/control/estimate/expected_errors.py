@@ -27,8 +27,7 @@ from kmpc_lite.types import Array
 CALM = 2.5
 """Fading mean of squared innovations, in expected ones, up to which noise stays as it is: slip with
 heavy tails exceeds it in one period of ten."""
-LARGEST = 400.0
-"""Largest square that counts: a larger one is a broken measurement."""
+LARGEST = 400.0  # largest square that counts: a larger one is a broken measurement
 ATTACK_TIME, RELEASE_TIME, FADING_PERIOD = 0.5, 1.0, 0.1
 """Memory of that mean if the newest innovation is larger, and if it is smaller [s]. Periods longer
 than the last count as this, so that five innovations count at the least, and ten as they shrink."""
@@ -40,8 +39,7 @@ would never find out."""
 DRIFT_FADING, DRIFT_THRESHOLD = 0.8, 6.0
 """Factor by which the sum of innovations fades per period, and its square, as a multiple of the
 expected one, beyond which the floor pushes to one side: a single one tells little."""
-JUDGED_STEP = 1 / 30
-"""Innovations are judged only of periods that drive at least this far [radii]."""
+JUDGED_STEP = 1 / 30  # innovations are judged only of periods that drive at least this far [radii]
 TOLERATED_STEP, TOLERATED_STEP_SHARE = 1 / 150, 0.02
 """Error of the position that every model may have in a period [radii], and as a share of what is
 driven."""
@@ -51,12 +49,9 @@ TOLERATED_TURN, TOLERATED_TURN_SHARE = 5e-3, 0.05
 """Error of the heading in any period [rad], and as a share of the turn."""
 USUAL_SPEED = 2 / 3
 """Share of the fastest speed at which tolerated errors are taken to have been made."""
-STANDING = 1e-9
-"""Speed of a robot that cannot drive: numbers stay finite."""
-MEMORY, FEWEST = 4.0, 40
-"""For how long errors count [s], and for how many periods at the least."""
-EVIDENCE = 12.0
-"""Gain in log-likelihood that another answer must bring."""
+STANDING = 1e-9  # speed of a robot that cannot drive: numbers stay finite
+MEMORY, FEWEST = 4.0, 40  # for how long errors count [s], and for how many periods at the least
+EVIDENCE = 12.0  # gain in log-likelihood that another answer must bring
 RAMP_TIMES = np.geomspace(0.25, 6.7, 20)
 """Times from rest to the fastest command, of robots that follow by ramps [s]."""
 LAGS, GAINS = np.geomspace(0.05, 0.57, 8), np.arange(0.3, 1.0, 0.1)
@@ -221,8 +216,7 @@ class LatenessState:
     errors: Array = field(default_factory=lambda: np.zeros((2, 0)))
     """(2, J + K) fading sums of squared errors ahead and of turns, as multiples of tolerated ones:
     by how many periods older the commands are; by ramps, lags and gains."""
-    count: float = 0.0
-    """How many these are, fading as they do."""
+    count: float = 0.0  # how many these are, fading as they do
     found: Array = field(default_factory=lambda: np.zeros(2, dtype=int))
     """(2,) how much later than its model says the robot drives, and turns, in periods: it answers
     by the sooner."""

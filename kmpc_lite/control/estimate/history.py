@@ -38,43 +38,32 @@ def latest_answer(dt: float) -> int:
     return int(min(max(LATEST_ANSWER / dt, LATEST_PERIODS[0]), LATEST_PERIODS[1]))
 
 
-CREEPS = 1e-3
-"""Speed below which a command says nothing of how the wheels are steered [m/s]."""
+CREEPS = 1e-3  # speed below which a command says nothing of how the wheels are steered [m/s]
 
 
 class DrivenPeriod(NamedTuple):
     """The past period, as innovation and adaptation want to see it."""
 
-    pose: Array
-    """(3,) at its beginning."""
-    command: Array
-    """(2,) that was held during it."""
-    earlier: Array
-    """(L, 2) commands before it, oldest first."""
-    safe: bool
-    """Whether a safe motion was driven: a plan's, or ..."""
-    braked: bool
-    """... one to rest, for want of a plan or at its goal."""
+    pose: Array  # (3,) at its beginning
+    command: Array  # (2,) that was held during it
+    earlier: Array  # (L, 2) commands before it, oldest first
+    safe: bool  # whether a safe motion was driven: a plan's, or ...
+    braked: bool  # ... one to rest, for want of a plan or at its goal.
 
 
 @dataclass(slots=True)
 class CommandHistory:
     """Commands sent, and the last period: data, in the robot's units."""
 
-    command: Array
-    """(2,) the one sent last."""
-    commands: Array
-    """(L, 2) that the model wants to know, oldest first."""
-    given: Array
-    """(K, 2) those since the newest pose was taken, and the L before, oldest first."""
-    curvature: float = 0.0
-    """Of the last command that drove the robot [1/m]."""
+    command: Array  # (2,) the one sent last
+    commands: Array  # (L, 2) that the model wants to know, oldest first
+    given: Array  # (K, 2) those since the newest pose was taken, and the L before, oldest first
+    curvature: float = 0.0  # of the last command that drove the robot [1/m]
     measured: Array | None = None
     """(3,) pose that was measured last, predicted since if it is lost; none before the first."""
     motion: Array | None = None
     """(T, 2) the last safe motion, from the command sent last to rest; none if there is none."""
-    seen: Array | None = None
-    """(3,) the newest pose as it was measured; none if it was not."""
+    seen: Array | None = None  # (3,) the newest pose as it was measured; none if it was not
     beyond: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) speeds ahead, to the left and round that measured poses show beyond the model's."""
     driven: DrivenPeriod | None = None

@@ -26,8 +26,7 @@ from kmpc_lite.types import Array
 
 TURN_SLIP = 2.5
 """Share of a commanded turn by which a turn may differ: adaptation learns such turns."""
-SLIP_MEMORY = 0.5
-"""Within this time a faster command in the past fades that may still act [s]."""
+SLIP_MEMORY = 0.5  # within this time a faster command in the past fades that may still act [s]
 NOTHING = 0.0, 0.0
 
 
@@ -37,34 +36,27 @@ class InnovationState:
 
     error: Array | None = None
     """(3,) measured less predicted pose after a period; none if that tells nothing."""
-    level: float = 1.0
-    """Fading mean of their squares, each as a multiple of what the model expects."""
+    level: float = 1.0  # fading mean of their squares, each as a multiple of what the model expects
     ahead: float = 0.0
     """Fading sum of those along the drive [m]; backwards they count with the other sign."""
-    left: float = 0.0
-    """The same to the left [m]."""
+    left: float = 0.0  # the same to the left [m]
     ahead_variance: float = 0.0
     """Fading sum of the variances that the model expects along the drive [m^2]."""
-    left_variance: float = 0.0
-    """The same to the left [m^2]."""
-    covariance: float = 0.0
-    """The same of the product of both [m^2]."""
+    left_variance: float = 0.0  # the same to the left [m^2]
+    covariance: float = 0.0  # the same of the product of both [m^2]
     drifting: bool = False
     """Whether the sums are larger than chance makes them: the floor pushes to one side."""
     believed: Array | None = None
     """(3,) predicted since the last pose that was believed; None: poses are believed."""
-    jump: tuple[float, float] = NOTHING
-    """Size of the jump."""
+    jump: tuple[float, float] = NOTHING  # size of the jump
     unseen: tuple[float, float] = NOTHING
     """By how much the last pose may be off: slip since one came."""
     strayed: tuple[float, float] = NOTHING
     """By how much the believed pose may be off: slip since the jump."""
-    agreed: float = 0.0
-    """For how long poses have agreed with each other."""
+    agreed: float = 0.0  # for how long poses have agreed with each other
     elsewhere: bool = False
     """Whether in this step a doubt has ended otherwise than by a pose that came back."""
-    pace: tuple[float, float] = NOTHING
-    """Fastest commands of late, v and omega."""
+    pace: tuple[float, float] = NOTHING  # fastest commands of late, v and omega
     estimate: PoseEstimate | None = None
     """Where the robot is, from measured and predicted poses; none while a pose is doubted."""
 
@@ -175,10 +167,8 @@ def _within(size: tuple[float, float], bounds: tuple[float, float]) -> bool:
 class PoseEstimate(NamedTuple):
     """A pose, and how sure it is."""
 
-    pose: Array
-    """(3,)."""
-    covariance: Array
-    """(3, 3), in the robot's frame."""
+    pose: Array  # (3,)
+    covariance: Array  # (3, 3), in the robot's frame
 
     @property
     def deviation(self) -> float:

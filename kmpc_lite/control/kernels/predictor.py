@@ -26,16 +26,11 @@ NONE = np.empty(0)
 class Inputs(NamedTuple):
     """What a model is bilinear in: terms of filtered commands (`struct kmpc_predictor`)."""
 
-    kernel: Array
-    """(G, L + 1, m) weights of commands by their age, newest first, of each group."""
-    terms: tuple[str, ...]
-    """Of each group."""
-    smoothing: tuple[float, ...]
-    """Of each number of a command."""
-    limits: tuple[float, ...]
-    """Of each number of a command, up to which its terms follow."""
-    steered: bool = False
-    """Whether turn rates follow from filtered curvatures."""
+    kernel: Array  # (G, L + 1, m) weights of commands by their age, newest first, of each group
+    terms: tuple[str, ...]  # of each group
+    smoothing: tuple[float, ...]  # of each number of a command
+    limits: tuple[float, ...]  # of each number of a command, up to which its terms follow
+    steered: bool = False  # whether turn rates follow from filtered curvatures
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Inputs | None:

@@ -23,36 +23,25 @@ from numpy.typing import NDArray
 from kmpc_lite.types import STATES, Array
 
 Bits = NDArray[np.bool_]
-NOISE_ARRAYS = 4
-"""How many of these are arrays, the first."""
-TINY = 1e-9
-"""Sizes of commands, in periods of braking, and lengths [m] that count as none."""
-TINY_STEP = 1e-4
-"""Step of numerical differences, as a share of the robot's radius."""
-SLOWER = 14
-"""Coming commands that are tried instead of a plan's."""
-MOST_SAMPLES = 8
-"""Most samples a period."""
+NOISE_ARRAYS = 4  # how many of these are arrays, the first
+TINY = 1e-9  # sizes of commands, in periods of braking, and lengths [m] that count as none
+TINY_STEP = 1e-4  # step of numerical differences, as a share of the robot's radius
+SLOWER = 14  # coming commands that are tried instead of a plan's
+MOST_SAMPLES = 8  # most samples a period
 
 
 class KeepOut(NamedTuple):
     """What follows from the problem."""
 
-    distance: float
-    """Radius of the outline's circles, and the problem's margin [m]."""
-    dt: float
-    """Period [s]."""
-    range: float
-    """How far from the robot all is known [m]; infinite if it always is."""
-    side_normals: Array
-    """(sides, 2) of the area's sides ``normal . p >= offset`` ..."""
-    side_offsets: Array
-    """(sides,) ... and how far out they lie [m]."""
+    distance: float  # radius of the outline's circles, and the problem's margin [m]
+    dt: float  # period [s]
+    range: float  # how far from the robot all is known [m]; infinite if it always is
+    side_normals: Array  # (sides, 2) of the area's sides ``normal . p >= offset`` ...
+    side_offsets: Array  # (sides,) ... and how far out they lie [m].
     directions: int
     """By how many of a state's coordinates a clearance has slopes: x, y, and the heading of a robot
     that is not round."""
-    slots: int
-    """Half-planes a stage, at most 16."""
+    slots: int  # half-planes a stage, at most 16
 
 
 class Noise(NamedTuple):
@@ -65,43 +54,27 @@ class Noise(NamedTuple):
     which each of them adds.
     """
 
-    white: Array
-    """(2, 9) covariances (3, 3) of a period's noise, by v^2 and by omega^2."""
-    lasting: Array
-    """(2, 3) deviations of errors that are alike in all periods, by v and by omega."""
-    pose: Array
-    """(3, 3) covariance of a measured pose."""
-    pose_by_speed: Array
-    """(3, 3), the same by v^2."""
-    delay: int
-    """Periods until the feedback acts."""
-    quantile: float
-    """How many standard deviations are kept."""
-    headway_time: float
-    """Time of driving on at a speed that is the least margin [s]."""
-    touch: float
-    """Radius at which chords cut [m]."""
-    reach: float
-    """How far the outline lies from the pose [m]."""
-    solver_margin: float
-    """Added to all [m]."""
-    spreads: bool
-    """Whether there is any noise in a plan."""
+    white: Array  # (2, 9) covariances (3, 3) of a period's noise, by v^2 and by omega^2
+    lasting: Array  # (2, 3) deviations of errors that are alike in all periods, by v and by omega
+    pose: Array  # (3, 3) covariance of a measured pose
+    pose_by_speed: Array  # (3, 3), the same by v^2
+    delay: int  # periods until the feedback acts
+    quantile: float  # how many standard deviations are kept
+    headway_time: float  # time of driving on at a speed that is the least margin [s]
+    touch: float  # radius at which chords cut [m]
+    reach: float  # how far the outline lies from the pose [m]
+    solver_margin: float  # added to all [m]
+    spreads: bool  # whether there is any noise in a plan
 
 
 class PlanMargins(NamedTuple):
     """Margins beyond the radii that a plan keeps."""
 
-    noise: Noise
-    """What those from obstacles follow from."""
-    widest: float
-    """Of any plan [m]: kept as it is where that is no hindrance."""
-    far_clearance: float
-    """If every obstacle is farther away than the widest margin and this [m]."""
-    side_margin: float
-    """From the sides of the area [m]."""
-    path_clearance: Array
-    """(N,) what the path keeps from obstacles beyond the problem's margin [m]."""
+    noise: Noise  # what those from obstacles follow from
+    widest: float  # of any plan [m]: kept as it is where that is no hindrance
+    far_clearance: float  # if every obstacle is farther away than the widest margin and this [m]
+    side_margin: float  # from the sides of the area [m]
+    path_clearance: Array  # (N,) what the path keeps from obstacles beyond the problem's margin [m]
 
 
 class Numbers(NamedTuple):
@@ -110,56 +83,36 @@ class Numbers(NamedTuple):
     places: Array
     """(entries that are written,) int32, where each lies: those by the states, those by commands
     from the youngest to the oldest, half-planes."""
-    entries: Array
-    """Written: of the matrix A."""
-    dynamics_lower: Array
-    """Written: (N, 3)."""
-    dynamics_upper: Array
-    """Written: (N, 3)."""
-    half_plane_lower: Array
-    """Written: (N, S)."""
-    pull: Array
-    """Written: (N, 3) of the linear cost."""
-    start: Array
-    """Written: (N (3 + m + 1),) the plan's states, commands, and slacks that it needs."""
-    weight: Array
-    """(3, 3) by which references enter `pull`, at the stages before the last one ..."""
-    weight_terminal: Array
-    """(3, 3) ... and at the last."""
-    turn: Array
-    """Written: (N - 1,) of the quadratic cost: of each heading but the last."""
-    turn_weight: float
-    """What it is where no way bends."""
-    scale: float
-    """Factor of the half-planes' rows."""
-    open_bound: float
-    """Bound of a half-plane that is not needed, less than all others."""
+    entries: Array  # written: of the matrix A
+    dynamics_lower: Array  # written: (N, 3)
+    dynamics_upper: Array  # written: (N, 3)
+    half_plane_lower: Array  # written: (N, S)
+    pull: Array  # written: (N, 3) of the linear cost
+    start: Array  # written: (N (3 + m + 1),) the plan's states, commands, and slacks that it needs
+    weight: Array  # (3, 3) by which references enter `pull`, at the stages before the last one ...
+    weight_terminal: Array  # (3, 3) ... and at the last.
+    turn: Array  # written: (N - 1,) of the quadratic cost: of each heading but the last
+    turn_weight: float  # what it is where no way bends
+    scale: float  # factor of the half-planes' rows
+    open_bound: float  # bound of a half-plane that is not needed, less than all others
 
 
 class Iterate(NamedTuple):
     """What a pass is linearised at, and what it steers for."""
 
-    states: Array
-    """(N + 1, 3), the first is the present one."""
-    inputs: Array
-    """(N, m)."""
-    reference: Array
-    """(N + 1, 3)."""
-    speeds: Array
-    """(N, 2) of the inputs, and turn rates."""
-    to_goal: bool
-    """Whether the reference is the goal itself at every stage."""
+    states: Array  # (N + 1, 3), the first is the present one
+    inputs: Array  # (N, m)
+    reference: Array  # (N + 1, 3)
+    speeds: Array  # (N, 2) of the inputs, and turn rates
+    to_goal: bool  # whether the reference is the goal itself at every stage
 
 
 class Around(NamedTuple):
     """What a plan is kept out of; its points are the middles of the outline's circles."""
 
-    things: Array
-    """(M, 7) what is round."""
-    points: Array
-    """(N E, 2) at stages 1 to N."""
-    gaps: Array
-    """(N E, S) distances of these from solids [m] ..."""
+    things: Array  # (M, 7) what is round
+    points: Array  # (N E, 2) at stages 1 to N
+    gaps: Array  # (N E, S) distances of these from solids [m] ...
     away: Array
     """(N E, S, 2) ... and slopes by a pose's coordinates; (N E, S, 3) of a robot not round."""
 
@@ -167,16 +120,11 @@ class Around(NamedTuple):
 class Timed(NamedTuple):
     """Poses along a path, at the times at which they can be reached."""
 
-    poses: Array
-    """(K, 3) from the turn at the start to the one at the goal, K > 1."""
-    times: Array
-    """(K,) from zero on, growing [s]; the last turn begins at the last but one."""
-    cusps: Array
-    """(n,) when the robot stops and drives on in the other gear [s]."""
-    step: float
-    """Time between poses among which the robot's place is looked for [s]."""
-    braking: float
-    """How long the robot brakes at the end of a leg [s]."""
+    poses: Array  # (K, 3) from the turn at the start to the one at the goal, K > 1
+    times: Array  # (K,) from zero on, growing [s]; the last turn begins at the last but one
+    cusps: Array  # (n,) when the robot stops and drives on in the other gear [s]
+    step: float  # time between poses among which the robot's place is looked for [s]
+    braking: float  # how long the robot brakes at the end of a leg [s]
 
 
 def poses_at(path: Timed, times: Array) -> Array:
@@ -198,31 +146,21 @@ def leg_end(path: Timed, begin: float) -> float:
 class Brakes(NamedTuple):
     """How a robot brakes."""
 
-    step: Array
-    """(m,) by how much a braked command may shrink in a period."""
-    faster: Array
-    """(m,) by how much commands may change in a period, away from zero ..."""
-    slower: Array
-    """(m,) ... and towards it."""
-    curvature: float
-    """Largest one that wheels can be steered to [1/m]."""
-    longest: int
-    """Most periods of a brake."""
-    further: int
-    """How many further commands of a plan are tried."""
+    step: Array  # (m,) by how much a braked command may shrink in a period
+    faster: Array  # (m,) by how much commands may change in a period, away from zero ...
+    slower: Array  # (m,) ... and towards it.
+    curvature: float  # largest one that wheels can be steered to [1/m]
+    longest: int  # most periods of a brake
+    further: int  # how many further commands of a plan are tried
 
 
 class Motions(NamedTuple):
     """Candidates, the best first."""
 
-    commands: Array
-    """(C, T, m), to zero."""
-    strict: Bits
-    """(C,) whether each must keep its margins, whatever clearance a standing robot has."""
-    turns: Bits
-    """(C,) whether it begins with a slow turn on the spot."""
-    ends: NDArray[np.intc]
-    """(C,) after how many periods it commands zero for good."""
+    commands: Array  # (C, T, m), to zero
+    strict: Bits  # (C,) whether each must keep its margins, whatever clearance a standing robot has
+    turns: Bits  # (C,) whether it begins with a slow turn on the spot
+    ends: NDArray[np.intc]  # (C,) after how many periods it commands zero for good
 
 
 def samples_a_period(longest: float, radius: float) -> int:

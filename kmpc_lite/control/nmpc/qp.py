@@ -20,8 +20,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.types import STATES, Array
 
-OPEN = 1e3
-"""Bound of an unused half-plane row [m]: finite, so that OSQP keeps its factorisation."""
+OPEN = 1e3  # bound of an unused half-plane row [m]: finite, so that OSQP keeps its factorisation
 LOST, LOST_TURN = 10 / 3, 1.0
 """A pose farther from the predicted one [radii, rad] makes the last plan worthless as a start."""
 HALF_PLANE_SCALE, SLACK_SCALE = 4.0, 8.0

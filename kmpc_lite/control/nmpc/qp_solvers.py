@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 INFINITY = 1e30
 """Bounds beyond this are open, as OSQP itself has it. A row must not change between open and
 closed: OSQP would factorise anew."""
-LARGEST = 1e10
-"""Entries of P, A or q beyond this make factorisations fail."""
+LARGEST = 1e10  # entries of P, A or q beyond this make factorisations fail
 DEFAULT_SOLVER = "osqp"
 plain: Callable[[Any], Array] = partial(np.asarray, dtype=float, order="C")
 """Numbers of any kind as the arrays whose memory solvers read."""
@@ -53,10 +52,8 @@ TOLERANCE_NAMES = {
 """What solvers call their tolerances; others run at their own."""
 TIME_LIMIT_NAMES = {"clarabel": "time_limit", "highs": "time_limit", "scs": "time_limit_secs"}
 """What solvers call their time limit [s]; others cannot be stopped."""
-POSITIVE_DEFINITE_ONLY = frozenset({"quadprog"})
-"""Solvers that take no semidefinite cost."""
-REGULARISATION = 1e-8
-"""Added to the diagonal of the cost for these."""
+POSITIVE_DEFINITE_ONLY = frozenset({"quadprog"})  # solvers that take no semidefinite cost
+REGULARISATION = 1e-8  # added to the diagonal of the cost for these
 
 
 class QPStatus(Enum):
@@ -65,25 +62,18 @@ class QPStatus(Enum):
     SOLVED = "solved"
     STOPPED_EARLY = "stopped early"
     """Iteration or time limit: the iterate is finite and worth checking."""
-    FAILED = "failed"
-    """Infeasible, bad data or not finite: there is no iterate."""
+    FAILED = "failed"  # infeasible, bad data or not finite: there is no iterate
 
 
 class QPData(NamedTuple):
     """Numbers of a QP, and where to begin."""
 
-    q: Array
-    """(n,)."""
-    lower: Array
-    """(m,)."""
-    upper: Array
-    """(m,)."""
-    Ax: Array
-    """All stored entries of A, in CSC order, (nnz,)."""
-    x: Array
-    """Warm start (n,); one that is not finite is replaced by zeros."""
-    y: Array
-    """Its multipliers (m,)."""
+    q: Array  # (n,)
+    lower: Array  # (m,)
+    upper: Array  # (m,)
+    Ax: Array  # all stored entries of A, in CSC order, (nnz,)
+    x: Array  # warm start (n,); one that is not finite is replaced by zeros
+    y: Array  # its multipliers (m,)
     Px: Array | None = None
     """All stored entries of P, in CSC order; those of the setup if not given."""
 
@@ -92,12 +82,9 @@ class QPSolution(NamedTuple):
     """An iterate with its status; `x` and `y` are copies."""
 
     status: QPStatus
-    x: Array
-    """(n,)."""
-    y: Array
-    """(m,) multipliers: positive at an upper bound, negative at a lower one."""
-    iterations: int = 0
-    """Zero if the solver does not tell."""
+    x: Array  # (n,)
+    y: Array  # (m,) multipliers: positive at an upper bound, negative at a lower one
+    iterations: int = 0  # zero if the solver does not tell
     primal_residual: float = np.inf
     dual_residual: float = np.inf
     reason: str = ""
@@ -113,8 +100,7 @@ class QPSolver:
     from the start.
     """
 
-    can_be_stopped = False
-    """Whether `time_limit` has an effect."""
+    can_be_stopped = False  # whether `time_limit` has an effect
 
     def __init__(self, P: Any, A: Any) -> None:
         self.m, self.n = A.shape
@@ -171,8 +157,7 @@ def _fault(data: QPData) -> str:
     return ""
 
 
-MakeSolver = Callable[["NavigationQP", "OSQPOptions"], QPSolver]
-"""Sets up a solver for a QP."""
+MakeSolver = Callable[["NavigationQP", "OSQPOptions"], QPSolver]  # sets up a solver for a QP
 
 
 def choose_solver(solver: str | MakeSolver, qp: NavigationQP, options: OSQPOptions) -> QPSolver:
@@ -265,8 +250,7 @@ class QpsolversBackend(QPSolver):
         return QPSolution(QPStatus.STOPPED_EARLY, np.array(found.x), duals, 0, *left, why)
 
 
-NO_TIME_LIMIT = 1e10
-"""OSQP's own [s]."""
+NO_TIME_LIMIT = 1e10  # OSQP's own [s]
 SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
 INTERRUPTED = int(osqp.SolverStatus.OSQP_SIGINT)
 DOUBLE = re.compile(r"(?<![\w.])(\d+\.\d*([eE][-+]?\d+)?|\.?\d+[eE][-+]?\d+)(?![\w.])")

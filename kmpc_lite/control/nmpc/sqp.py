@@ -38,8 +38,7 @@ from kmpc_lite.types import Array
 
 LEAST_SOLVE_TIME = 5e-5
 """Time that a QP gets even past a deadline [s]: the iterate that it starts from is no plan."""
-MOST_PASSES = 10
-"""Of a real-time iteration whose plan the model contradicts."""
+MOST_PASSES = 10  # of a real-time iteration whose plan the model contradicts
 TOLERATED = 0.3
 """Contradiction that asks for another pass, as a share of the largest one that is driven."""
 FAR_TURN = 0.6
@@ -57,29 +56,24 @@ EXACT_PENALTY = 10.0
 """Passes to convergence weigh slack by this many times more: above the multipliers of all that a
 plan can pass by, so that slack is used only if there is no way without. One pass a period does
 with less, which is solved sooner: the next period mends what it leaves."""
-LEAST_SHARE = 0.1
-"""Least share of a step that a pass goes."""
+LEAST_SHARE = 0.1  # least share of a step that a pass goes
 
 
 @dataclass(slots=True, eq=False)
 class SQPResult:
     """How far the passes of a call have come, and where they ended."""
 
-    trajectory: Trajectory
-    """The iterate; the start before the first pass."""
-    status: QPStatus = QPStatus.FAILED
-    """Of the last QP."""
+    trajectory: Trajectory  # the iterate; the start before the first pass
+    status: QPStatus = QPStatus.FAILED  # of the last QP
     passes: int = 0
-    step: float = math.inf
-    """Largest change of the last pass [m, rad, m/s, rad/s]."""
+    step: float = math.inf  # largest change of the last pass [m, rad, m/s, rad/s]
     defect: float = math.inf
     """How far the model contradicts the trajectory over one period [m, rad]."""
     timing: dict[str, float] = field(
         default_factory=lambda: dict.fromkeys(("linearise", "fill", "solve"), 0.0)
     )
     """Seconds by phase."""
-    reason: str = ""
-    """Why the passes ended early, or the QP failed; empty if all is well."""
+    reason: str = ""  # why the passes ended early, or the QP failed; empty if all is well
 
 
 class SQP:

@@ -14,8 +14,7 @@ from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import Array
 
-ROUNDING = 1e-9
-"""By which a command may pass its bound."""
+ROUNDING = 1e-9  # by which a command may pass its bound
 FARTHEST = 2 * POSITION_LIMIT
 """From the robot, in its own units, and in its turns [rad]: a plan that leads farther is spoilt."""
 
@@ -23,12 +22,9 @@ FARTHEST = 2 * POSITION_LIMIT
 class Trajectory(NamedTuple):
     """States, commands and multipliers: an iterate, and a warm start."""
 
-    states: Array
-    """(N + 1, 3), the first is the present one."""
-    inputs: Array
-    """(N, 2)."""
-    duals: Array
-    """(m,) multipliers of the QP's rows."""
+    states: Array  # (N + 1, 3), the first is the present one
+    inputs: Array  # (N, 2)
+    duals: Array  # (m,) multipliers of the QP's rows
 
 
 def at_rest(qp: NavigationQP, pose: Array) -> Trajectory:

@@ -42,8 +42,7 @@ for by its own motions."""
 ROUNDING = 1e-6
 """Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
 turn, so that times are finite [m/s, rad/s]."""
-CENTRE_HEADINGS = 8
-"""At so many headings the model is asked how a turn moves the pose."""
+CENTRE_HEADINGS = 8  # at so many headings the model is asked how a turn moves the pose
 CENTRE_DISTANCE = 0.004
 """A turning centre nearer to the tracked pose than this is taken to be the tracked pose [m]."""
 CENTRE_CERTAINTY = 3.5
@@ -52,32 +51,25 @@ pose."""
 CENTRE_SHARE = 1.0
 """A turning centre counts only where it explains this many times as much of the predicted motion as
 it leaves unexplained."""
-TINY = 1e-12
-"""Variance of a turn that is none [rad^2]: rounding."""
+TINY = 1e-12  # variance of a turn that is none [rad^2]: rounding
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Capabilities:
     """What the guide knows of the robot."""
 
-    forward: Array
-    """(2,) speed [m/s] and rate of turn [rad/s] at which paths are timed forwards."""
-    backward: Array
-    """(2,) the same backwards; no speed where the robot may not."""
+    forward: Array  # (2,) speed [m/s] and rate of turn [rad/s] at which paths are timed forwards
+    backward: Array  # (2,) the same backwards; no speed where the robot may not
     turning_centre: Array | None
     """(2,) point about which the robot turns, ahead and to the left of its tracked pose [m]; none:
     the pose itself."""
-    tolerances: GoalTolerances
-    """Of the goal checker."""
-    clearance: float
-    """Clearance that a path must keep so that it can be driven at full speed [m]."""
+    tolerances: GoalTolerances  # of the goal checker
+    clearance: float  # clearance that a path must keep so that it can be driven at full speed [m]
     wheels: tuple[float, float] = (0.0, np.inf)
     """How far a wheel drives for each radian that the robot turns [m], and its fastest speed
     [m/s]."""
-    deceleration: float = np.inf
-    """With which a path ends [m/s^2]."""
-    late: int = 0
-    """Periods until a command has had half of its effect, where the model knows of it."""
+    deceleration: float = np.inf  # with which a path ends [m/s^2]
+    late: int = 0  # periods until a command has had half of its effect, where the model knows of it
     curving: float = 1.0
     """Share of its sharpest curvature that a car drives, on arcs at the speeds above."""
     steering_lag: float = 0.0

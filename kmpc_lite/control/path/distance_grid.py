@@ -22,20 +22,16 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.world.occupancy import OccupancyGrid
 
-BORDER = 0.6
-"""How far a path may lead around the outermost obstacle, start or goal [m]."""
+BORDER = 0.6  # how far a path may lead around the outermost obstacle, start or goal [m]
 NEAR_COST = 0.2
 """A way along an obstacle counts as longer than one in the open, by this share: paths keep in the
 middle between two obstacles."""
 CUT = 0.005
 """How much nearer than asked lines may lead past obstacles: the nodes tell distances so well [m].
 """
-BESIDE = 0.7
-"""Room is looked for beside nodes that are too near by less than so many steps, ..."""
-NEAREST = 0.25
-"""... and by less than this share of the distance that is kept."""
-SAMPLE = 0.04
-"""A line is looked at in points that lie so far apart [m]."""
+BESIDE = 0.7  # room is looked for beside nodes that are too near by less than so many steps, ...
+NEAREST = 0.25  # ... and by less than this share of the distance that is kept.
+SAMPLE = 0.04  # a line is looked at in points that lie so far apart [m]
 COARSE = 8
 """Every so many points of a line are looked at first: most lines that are barred are so there."""
 FIELD_CELLS = 1_000_000
@@ -44,21 +40,17 @@ larger or finer one are joined to blocks, which count as occupied where one of t
 STRIP, QUANTUM = 16, 2**17
 """Quanta of a part of what a grid sees; nodes, or points of a line, times edges and circles that
 are looked at in a quantum of a search, 0.2 ms."""
-FAR = 1e3
-"""Distance from what is farther than this, or not there at all [m]."""
+FAR = 1e3  # distance from what is farther than this, or not there at all [m]
 
 
 class Extent(NamedTuple):
     """Of a grid."""
 
-    step: float
-    """Least distance between neighbours [m]."""
-    nodes: int
-    """Most nodes: larger maps get wider steps."""
+    step: float  # least distance between neighbours [m]
+    nodes: int  # most nodes: larger maps get wider steps
     around: float
     """Obstacles farther than this from the middle between start and goal make it no larger [m]."""
-    border: float = BORDER
-    """How far it reaches around the outermost of these [m]."""
+    border: float = BORDER  # how far it reaches around the outermost of these [m]
 
 
 class DistanceGrid:
@@ -76,8 +68,7 @@ class DistanceGrid:
         around = [] if solids is None else [solids.outermost]
         points = np.concatenate([centres - radii, centres + radii, *around])
         near = (np.abs(points - ends.mean(axis=0)) <= extent.around).all(axis=1)
-        self.is_whole = bool(near.all())
-        """Whether all obstacles lie on it."""
+        self.is_whole = bool(near.all())  # whether all obstacles lie on it
         points = np.concatenate([ends, points[near]])
         low, high = points.min(axis=0) - extent.border, points.max(axis=0) + extent.border
         # only start and goal may lie outside the area

@@ -29,14 +29,10 @@ from kmpc_lite.control.wheels import Car, Omni, Wheels
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
-MOST = 30_000
-"""Nodes after which a search gives up."""
-MOST_HALVINGS = 4
-"""How often the cells of poses between obstacles are halved."""
-HALF_WIDTH = 1 << 18
-"""Most cells from the goal in any direction."""
-BETTER = 0.995
-"""A pose takes another one's cell if it costs less than this share of it."""
+MOST = 30_000  # nodes after which a search gives up
+MOST_HALVINGS = 4  # how often the cells of poses between obstacles are halved
+HALF_WIDTH = 1 << 18  # most cells from the goal in any direction
+BETTER = 0.995  # a pose takes another one's cell if it costs less than this share of it
 
 
 class PoseTree:
@@ -157,19 +153,14 @@ class PoseTree:
         return Piece(self.twists[line], self.times[line])
 
 
-BATCH = 48
-"""Poses from which the tree grows at once."""
-PART_QUANTA = 10
-"""Work of a batch, in quanta of 0.2 ms."""
+BATCH = 48  # poses from which the tree grows at once
+PART_QUANTA = 10  # work of a batch, in quanta of 0.2 ms
 WEIGHTS = (2.0, 6.0)
 """How many times the time to go, which knows of no change of gear, counts in the order in which the
 first tree grows, and later ones: most of what lies about the straight way is left out."""
-GOOD = 1.05
-"""A way from start to goal that costs less than so many times its time is the path."""
-GEAR_PRICE = 4.0
-"""What a change of gear costs: the time in which the robot drives so many radii."""
-LONGEST_STEP = 4.0
-"""In the open the tree grows by so many usual steps at once ..."""
+GOOD = 1.05  # a way from start to goal that costs less than so many times its time is the path
+GEAR_PRICE = 4.0  # what a change of gear costs: the time in which the robot drives so many radii
+LONGEST_STEP = 4.0  # in the open the tree grows by so many usual steps at once ...
 ROOMY = 0.4
 """... and by less where there is less clearance than this [radii], in finer cells: by its share of
 that, ..."""
@@ -177,16 +168,12 @@ ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 1, 400), (0.03, 4, 400))
 """Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
 one after the other, until there is a path."""
 HALVES = np.array((0.5, 1.0))
-MOST_CELLS = 96
-"""Most cells along either axis of a square: larger areas get larger cells."""
+MOST_CELLS = 96  # most cells along either axis of a square: larger areas get larger cells
 BORDER = 12.0
 """How far a search reaches around start, goal and obstacles, in turning or robot radii."""
-BEND = 0.08
-"""Largest turn between two poses of a path [rad]."""
-KNOTS = 16
-"""Poses of a path between which better ways are looked for."""
-EXTRA = 4
-"""Batches after the first path, and half of those before it, that look for a better one."""
+BEND = 0.08  # largest turn between two poses of a path [rad]
+KNOTS = 16  # poses of a path between which better ways are looked for
+EXTRA = 4  # batches after the first path, and half of those before it, that look for a better one
 NO_ROOM = "there is no room to turn: the goal's place can be reached, but not its heading"
 NO_WAY = "no passage to the goal is wide enough"
 GAVE_UP = "the search for a path gave up: the goal's place can be reached, perhaps not its heading"
@@ -217,8 +204,7 @@ class FieldPlanner:
         self._step = max(self._motions.turn / tightest, self._radius / speed)
         self._turn_rate, self._speed, self._cell = tightest, speed, 0.9 * self._step * speed
         self._survey = self._look_around()
-        self._quanta = next(self._survey)
-        """Of the survey's part that comes next; none is left at 0."""
+        self._quanta = next(self._survey)  # of the survey's part that comes next; none is left at 0
         self._connects = False
         """Whether the goal's place can be reached by what is as wide as the outline's core."""
         self._best: tuple[Piece, int] | None = None

@@ -40,36 +40,24 @@ UNFIT_COST = 1000.0
 """What a path costs on which a robot that is not round does not fit: it is driven if there is no
 other [s]."""
 NO_WAY = "no passage to the goal is wide enough"
-STEP = 0.5
-"""Least distance between neighbours of the grid [radii]."""
-NODES = 40_000
-"""Most nodes of the grid: what memory and a few steps of searching allow, ..."""
-SEEN_NODES = 12_000
-"""... and among what scans show, which is looked at anew all the time."""
+STEP = 0.5  # least distance between neighbours of the grid [radii]
+NODES = 40_000  # most nodes of the grid: what memory and a few steps of searching allow, ...
+SEEN_NODES = 12_000  # ... and among what scans show, which is looked at anew all the time.
 AROUND = 33.0
 """A way around is looked for first among what lies this far about start and goal, beside their
 distance [radii]."""
-DIRECTIONS = 16
-"""Directions from the start in which ways are looked for ..."""
-RING = 0.5
-"""... that lead so far from it [m], if the goal is not nearer."""
-APART = 3
-"""How many of these directions two of them lie apart at the least."""
-CHOICE = 3
-"""Most ways of one clearance that are compared."""
+DIRECTIONS = 16  # directions from the start in which ways are looked for ...
+RING = 0.5  # ... that lead so far from it [m], if the goal is not nearer.
+APART = 3  # how many of these directions two of them lie apart at the least
+CHOICE = 3  # most ways of one clearance that are compared
 BODY_SAMPLES = 400
 """Largest number of poses of a path at which it is looked first whether a robot that is not round
 fits."""
-HALVINGS = 4
-"""How often it is looked between two poses that are too far apart to be sure."""
-DEEP = 0.015
-"""A robot that is so deep in a margin is led out first [m] ..."""
-OUTSIDE = 0.03
-"""... to where it keeps so much more than the margin [m]: there it turns."""
-OUTWARDS = 64
-"""Directions in which a way out is looked for ..."""
-FARTHER = np.array([1.0, 1.25, 1.5, 1.75])
-"""... and lengths, as multiples of what is missing."""
+HALVINGS = 4  # how often it is looked between two poses that are too far apart to be sure
+DEEP = 0.015  # a robot that is so deep in a margin is led out first [m] ...
+OUTSIDE = 0.03  # ... to where it keeps so much more than the margin [m]: there it turns.
+OUTWARDS = 64  # directions in which a way out is looked for ...
+FARTHER = np.array([1.0, 1.25, 1.5, 1.75])  # ... and lengths, as multiples of what is missing.
 OUTWARD_SHARE = 0.55
 """Least share of the way that leads away from what is near: a motion that leads away by less than
 half of it is not safe."""
@@ -100,18 +88,13 @@ class GridPlanner:
         if self._out is not None:
             request = replace(request, start=self._out)
         self._request = request
-        self._clearance = math.inf
-        """That is tried [m] ..."""
-        self._widest = 0.0
-        """... and the largest that is [m]."""
-        self._best: Path | None = None
-        """The cheapest path so far ..."""
-        self._price = math.inf
-        """... and its price [s]."""
+        self._clearance = math.inf  # that is tried [m] ...
+        self._widest = 0.0  # ... and the largest that is [m].
+        self._best: Path | None = None  # the cheapest path so far ...
+        self._price = math.inf  # ... and its price [s].
         self._found: Path | str | None = None
         self._work = self._search()
-        self._quanta = next(self._work)
-        """Of the part that comes next."""
+        self._quanta = next(self._work)  # of the part that comes next
 
     def path(self) -> Path | str | None:
         """What was found."""

@@ -41,10 +41,8 @@ from kmpc_lite.geometry import rotate, seen_along
 from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
-NEAR_CUSP = 0.075
-"""Distance from a change of gear at which the robot goes on in the other one [m]."""
-CENTRE_CHANGE = 0.001
-"""Changes of the turning centre below this are ignored [m]."""
+NEAR_CUSP = 0.075  # distance from a change of gear at which the robot goes on in the other one [m]
+CENTRE_CHANGE = 0.001  # changes of the turning centre below this are ignored [m]
 CUSP_REACH = 0.012
 """How short of a change of gear a robot that follows poses goes on in the other one: what it is
 beside it, it cannot mend there [m]."""

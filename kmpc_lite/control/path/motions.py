@@ -178,8 +178,7 @@ SLOW_STEERING = 0.2
 """How much wider they are of a car that drives a turning radius while it is steered to one side."""
 CURVATURES = np.array((-1.0, -0.5, 0.0, 0.5, 1.0))
 """Of the arcs by which a car's tree grows, as shares of the largest one."""
-TURN_SHARE = 0.9
-"""Of the fastest turn rate to a side: the rest is left for corrections."""
+TURN_SHARE = 0.9  # of the fastest turn rate to a side: the rest is left for corrections
 FULL = 2.0 * math.pi
 
 
@@ -234,12 +233,9 @@ def straight_twist(ends: Array) -> Array:
 class Motions(Protocol):
     """Motions of one kind of wheels at the speeds of one request."""
 
-    twists: Array
-    """(P, 3) by which a tree grows."""
-    gears: Array
-    """(P,) 1 ahead, -1 backwards, 0 of motions without a gear."""
-    turn: float
-    """How far one of them should turn at the least [rad]."""
+    twists: Array  # (P, 3) by which a tree grows
+    gears: Array  # (P,) 1 ahead, -1 backwards, 0 of motions without a gear
+    turn: float  # how far one of them should turn at the least [rad]
 
     def paced(self, twists: Array, times: Array) -> Array:
         """Times (S,) in which S motions (S, 3) can be driven one after the other, and kept to."""

@@ -16,12 +16,9 @@ if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import TimedPath
     from kmpc_lite.control.world.solids import Solids
 
-ROUNDING = 1e-9
-"""Time that belongs to the look-ahead [s]."""
-LOOK_STEP = 0.2
-"""Time between two moments at which distances are looked at [s]."""
-PATH_SHARE = 0.5
-"""Share of the clearance that paths keep."""
+ROUNDING = 1e-9  # time that belongs to the look-ahead [s]
+LOOK_STEP = 0.2  # time between two moments at which distances are looked at [s]
+PATH_SHARE = 0.5  # share of the clearance that paths keep
 SWITCH_SHARE = 0.25
 """The robot leaves the arc that it is on for another one only if that promises this much more
 clearance, as a share of it."""
@@ -34,10 +31,8 @@ long are preferred: on others a circle that follows would push the robot along."
 ARC_SPEEDS = (0.0, 0.5, -0.5, 1.0, -1.0)
 """Speeds of the evasive arcs, as shares of the fastest; the first arcs are preferred, since they
 move least."""
-ARC_TURNS = (0.0, 1.0, -1.0)
-"""Their rates of turn, as shares of the fastest."""
-ARC_TIMES = (1.0, 2.0, 4.0)
-"""How long the robot drives on them before it stops [s]."""
+ARC_TURNS = (0.0, 1.0, -1.0)  # their rates of turn, as shares of the fastest
+ARC_TIMES = (1.0, 2.0, 4.0)  # how long the robot drives on them before it stops [s]
 
 
 class MovingObstacleTable:
@@ -48,10 +43,8 @@ class MovingObstacleTable:
 
     def __init__(self, options: MovingObstacleOptions) -> None:
         self.options = options
-        self.times = np.arange(0.0, options.look_ahead + ROUNDING, LOOK_STEP)
-        """(T,) from now [s]."""
-        self.scales = np.array(options.speed_scales)
-        """(S,) shares of the speed."""
+        self.times = np.arange(0.0, options.look_ahead + ROUNDING, LOOK_STEP)  # (T,) from now [s]
+        self.scales = np.array(options.speed_scales)  # (S,) shares of the speed
         order = product(ARC_TIMES, ARC_SPEEDS, ARC_TURNS)
         self.arcs = np.array([(v, omega, end) for end, v, omega in order])
         """(E, 3) shares of speed and rate of turn, and when the arc ends [s]."""

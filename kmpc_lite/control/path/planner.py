@@ -27,21 +27,16 @@ if TYPE_CHECKING:
 NEAR_GOAL = 0.3
 """A robot nearer to its goal than this that lags more than its model knows has soon left the place
 where a search began [m]."""
-ROUNDING = 1e-9
-"""Length [m] or angle [rad] that is none."""
+ROUNDING = 1e-9  # length [m] or angle [rad] that is none
 
 
 class Route(NamedTuple):
     """A path that is driven, or was: what another one is compared with."""
 
-    points: Array
-    """(K, 2) from the robot's place on it to the goal [m]."""
-    reverse: bool
-    """Whether it is driven backwards."""
-    clearance: float
-    """What it keeps beyond the request's inflation [m]."""
-    lost: float
-    """Time lost on it since its best time to go last fell [s]."""
+    points: Array  # (K, 2) from the robot's place on it to the goal [m]
+    reverse: bool  # whether it is driven backwards
+    clearance: float  # what it keeps beyond the request's inflation [m]
+    lost: float  # time lost on it since its best time to go last fell [s]
 
     def in_metres(self, scale: Scale) -> Route:
         """Give the same of a route in the robot's units."""
@@ -53,16 +48,12 @@ class Route(NamedTuple):
 class Known:
     """What scans have shown, as a planner needs it."""
 
-    unknown: Array
-    """(H, W) bool, whether nothing is known of a cell; beyond the cells nothing is."""
-    corner: Array
-    """(2,) where the first cell begins [m]."""
-    cell: float
-    """Side of a cell [m]."""
+    unknown: Array  # (H, W) bool, whether nothing is known of a cell; beyond the cells nothing is
+    corner: Array  # (2,) where the first cell begins [m]
+    cell: float  # side of a cell [m]
     blind_turns: tuple[float, float]
     """How far the robot must turn until it sees what lies ahead, and behind [rad]."""
-    coarseness: float
-    """How far solids may stand out of what was hit: they are cells [m]."""
+    coarseness: float  # how far solids may stand out of what was hit: they are cells [m]
 
     def unknown_length(self, points: Array) -> float:
         """How much of a line through points (n, 2) is unknown [m]."""
@@ -84,14 +75,10 @@ class Known:
 class Nearest(NamedTuple):
     """The circle, or the point of a solid, that is nearest to each of n points."""
 
-    gap: Array
-    """(n,) distance from its edge [m]; inside below 0."""
-    away: Array
-    """(n, 2) direction away from it."""
-    centre: Array
-    """(n, 2) its middle [m]."""
-    size: Array
-    """(n,) its radius [m]; below 0 where solids stand out of what was hit."""
+    gap: Array  # (n,) distance from its edge [m]; inside below 0
+    away: Array  # (n, 2) direction away from it
+    centre: Array  # (n, 2) its middle [m]
+    size: Array  # (n,) its radius [m]; below 0 where solids stand out of what was hit
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -335,18 +322,15 @@ class InMetres:
 
 GRID_STEP = 0.05
 """Time between neighbouring poses of a path, among which the robot's place is looked for [s]."""
-FINE_STEP = 0.01
-"""The same of a car's path [s]."""
+FINE_STEP = 0.01  # the same of a car's path [s]
 DECELERATION = 2.0
 """With which a car's path brakes where it ends or its gear changes: motors may lag unknown to the
 model [m/s^2]."""
 GRID_POSES = 20_000
 """Most poses of one path: the path of a robot that hardly moves would need more than there is
 memory for."""
-INSTANT = 1e-9
-"""Time between two poses that are the same [s]: times must grow."""
-AT_GOAL = 1e-6
-"""Distance that rounding leaves to the goal [m]."""
+INSTANT = 1e-9  # time between two poses that are the same [s]: times must grow
+AT_GOAL = 1e-6  # distance that rounding leaves to the goal [m]
 
 
 class TimedPath:

@@ -21,8 +21,7 @@ from kmpc_lite.types import Array
 
 PROGRESS_TIME = 0.05
 """How much time of its path the robot must have left behind for that to count as progress [s]."""
-PATIENCE = 0.8
-"""How long the robot may stand before it looks for a path from where it is [s]."""
+PATIENCE = 0.8  # how long the robot may stand before it looks for a path from where it is [s]
 DETOUR_TIME = 0.5
 """A new path that is longer than what was left of the old one by this time is a detour: the
 patience begins anew [s]."""
@@ -45,8 +44,7 @@ BY_POSITION = {
 }
 """How many times the deviation beyond the quiet one widens each tolerance: chance hardly
 ever carries a single pose farther than 3 to 5 of them, an averaged one than a third of that."""
-BY_HEADING = {"enter_angle": 1.0, "leave_angle": 1.5, "pushed_angle": 4.5}
-"""The same of headings."""
+BY_HEADING = {"enter_angle": 1.0, "leave_angle": 1.5, "pushed_angle": 4.5}  # the same of headings
 CONTENT_STALLS, CONTENT_MOST = 4, 5
 """After so many stalls, one after the other, the robot is content with twice its tolerances, then
 with once more of them after each further one, up to so many times: what cannot be reached more
@@ -60,18 +58,12 @@ that five poses count at the least: how much noise is left hangs on how many the
 class ProgressState:
     """What is remembered from path to path."""
 
-    least_left: float = math.inf
-    """Least time to the goal on this path so far [s]."""
-    waited: float = 0.0
-    """Time lost on this path [s]; negative while the first turn is made."""
-    best_left: float = math.inf
-    """Least time to this goal that any path has told so far [s]."""
-    worst_left: float = 0.0
-    """Largest one told since [s]."""
-    lost: float = 0.0
-    """Time lost since the best [s], or since something else was tried."""
-    stalls: int = 0
-    """How often, one after the other, something else had to be tried."""
+    least_left: float = math.inf  # least time to the goal on this path so far [s]
+    waited: float = 0.0  # time lost on this path [s]; negative while the first turn is made
+    best_left: float = math.inf  # least time to this goal that any path has told so far [s]
+    worst_left: float = 0.0  # largest one told since [s]
+    lost: float = 0.0  # time lost since the best [s], or since something else was tried
+    stalls: int = 0  # how often, one after the other, something else had to be tried
 
     @property
     def is_stuck(self) -> bool:
@@ -138,26 +130,16 @@ class ProgressState:
 class GoalTolerances:
     """How near to the goal is near enough, for one robot, and how its pose is averaged for it."""
 
-    turn_distance: float
-    """Distance at which the last turn may begin [m]."""
-    turn_limit: float
-    """Distance at which a last turn is given up [m]."""
-    enter_distance: float
-    """Distance at which the robot has arrived [m]."""
-    enter_angle: float
-    """Error of the heading at which the robot has arrived [rad]."""
-    leave_distance: float
-    """Distance of the averaged pose at which it drives again [m]."""
-    leave_angle: float
-    """Error of the averaged heading at which it drives again [rad]."""
-    pushed_distance: float
-    """Distance of one single pose at which it drives again [m]."""
-    pushed_angle: float
-    """Error of one single heading at which it drives again [rad]."""
-    off_path: float
-    """Distance from the path at which a new one is looked for near the goal [m]."""
-    averaging: float
-    """Weight of the newest pose in the averaged one."""
+    turn_distance: float  # distance at which the last turn may begin [m]
+    turn_limit: float  # distance at which a last turn is given up [m]
+    enter_distance: float  # distance at which the robot has arrived [m]
+    enter_angle: float  # error of the heading at which the robot has arrived [rad]
+    leave_distance: float  # distance of the averaged pose at which it drives again [m]
+    leave_angle: float  # error of the averaged heading at which it drives again [rad]
+    pushed_distance: float  # distance of one single pose at which it drives again [m]
+    pushed_angle: float  # error of one single heading at which it drives again [rad]
+    off_path: float  # distance from the path at which a new one is looked for near the goal [m]
+    averaging: float  # weight of the newest pose in the averaged one
 
 
 def widened(limits: GoalTolerances, longer: float, wider: float) -> GoalTolerances:
@@ -216,8 +198,7 @@ def goal_tolerances(
 class GoalCheckerState:
     """What the goal checker remembers."""
 
-    holding: bool = False
-    """Whether the robot has arrived."""
+    holding: bool = False  # whether the robot has arrived
     mean_error: Array = field(default_factory=lambda: np.zeros(3))
     """Averaged pose less goal (3,) since then [m, m, rad]."""
 

@@ -30,24 +30,19 @@ have to change its gear."""
 LOST_DISTANCE = 0.5
 """A robot that is farther from its path than this needs the new one in the same step: somebody has
 carried it [m]."""
-BLOCKED_INTERVAL = 0.2
-"""Time between two looks whether what was seen lately stands on the path [s]."""
+BLOCKED_INTERVAL = 0.2  # time between two looks whether what was seen lately stands on the path [s]
 REFRESH_INTERVAL = 3.0
 """Longest time after which a path is looked for on the map of scans as it is then [s]: what was in
 the way may have gone."""
-RETRY_INTERVAL = 0.5
-"""Time between two searches if there is no path [s]."""
+RETRY_INTERVAL = 0.5  # time between two searches if there is no path [s]
 MOVED_DISTANCE = 0.01
 """How far an obstacle may be from where it was expected before a new path is looked for [m]."""
 SETTLED_SHARE = 0.4
 """A robot that is nearer to its goal than `near_goal`, and is commanded faster than this share of
 its speed, is still on its way there: it looks for no new path for having left its own."""
-ON_THE_SPOT = 0.075
-"""A robot that moves by no more than this turns on the spot [m]."""
-TRIED_PATHS = 4
-"""Most paths on which time was lost that are remembered for one goal."""
-LONGEST_LOOK = 2000.0
-"""Time of the longest path that can be looked at in a step [s]."""
+ON_THE_SPOT = 0.075  # a robot that moves by no more than this turns on the spot [m]
+TRIED_PATHS = 4  # most paths on which time was lost that are remembered for one goal
+LONGEST_LOOK = 2000.0  # time of the longest path that can be looked at in a step [s]
 
 
 class Replanner:

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 GOAL_SLACK = 0.5
 """A path that begins near the goal may end beside it, by this share of the distance at which the
 last turn may begin: what is left to the side takes two turns."""
-STANDS = 0.01
-"""Speed below which a robot that follows poses stands [m/s]."""
+STANDS = 0.01  # speed below which a robot that follows poses stands [m/s]
 URGENT_PARTS = 60
 """Most parts of a search that the robot needs at once that are done in one step. Most searches end
 sooner; among very many obstacles the robot drives on as before, or stands, for a step more, which

@@ -32,25 +32,17 @@ BLOCKED = "something that moves stands in the only way"
 class Search:
     """A search for a path that is under way: what was asked, and how far it has come."""
 
-    request: PathRequest
-    """What the planner was asked."""
-    same_goal: bool
-    """Whether the path before led to this goal."""
-    stuck: bool
-    """Whether the robot has stood for too long."""
-    lead: float
-    """How long after the search began the robot is to be where the path begins [s]."""
-    refusal: str = ""
-    """Why the robot cannot stand at its goal; empty if it can, as nearly always."""
-    goal_clearance: float = math.inf
-    """What the goal leaves beyond the problem's margin [m]."""
+    request: PathRequest  # what the planner was asked
+    same_goal: bool  # whether the path before led to this goal
+    stuck: bool  # whether the robot has stood for too long
+    lead: float  # how long after the search began the robot is to be where the path begins [s]
+    refusal: str = ""  # why the robot cannot stand at its goal; empty if it can, as nearly always
+    goal_clearance: float = math.inf  # what the goal leaves beyond the problem's margin [m]
     only_tells: str = ""
     """Why there is no path among what moves, where the search was made without that: only to tell
     whether it is what stands in the way; its path is not driven."""
-    parts: int = 0
-    """How often the planner has worked on it: a copy has it do so again."""
-    quanta: int = 0
-    """How much work that was."""
+    parts: int = 0  # how often the planner has worked on it: a copy has it do so again
+    quanta: int = 0  # how much work that was
 
 
 @dataclass(slots=True)
@@ -58,22 +50,15 @@ class GuideState:
     """The path, the search for another one, and what they were made for."""
 
     # the path
-    path: TimedPath | None = None
-    """What is followed."""
-    place: float = 0.0
-    """Where on it the robot is [s]."""
-    leg: float = 0.0
-    """When its gear has changed last [s]."""
-    path_clearance: float = math.inf
-    """Clearance beyond the problem's margin that it keeps [m]."""
+    path: TimedPath | None = None  # what is followed
+    place: float = 0.0  # where on it the robot is [s]
+    leg: float = 0.0  # when its gear has changed last [s]
+    path_clearance: float = math.inf  # clearance beyond the problem's margin that it keeps [m]
     goal_clearance: float = math.inf
     """What the goal leaves beyond that margin [m]: less than the path keeps, between obstacles."""
-    turning: bool = False
-    """Whether the robot is on its last turn on the spot."""
-    why_none: str = ""
-    """Why there is no path."""
-    waiting: Array | None = None
-    """Pose (3,) at which the robot waits while there is no path."""
+    turning: bool = False  # whether the robot is on its last turn on the spot
+    why_none: str = ""  # why there is no path
+    waiting: Array | None = None  # pose (3,) at which the robot waits while there is no path
     evasive_arc: int = -1
     """Number of the arc on which it makes room for a moving obstacle; -1: none."""
     turning_centre: Array | None = None
@@ -86,27 +71,21 @@ class GuideState:
     """Paths on which time was lost, until the robot gets nearer to its goal."""
     stood: Array = field(default_factory=lambda: np.full(3, np.nan))
     """(3,) where the robot began to turn on the spot, and its heading in the last step."""
-    turned: float = 0.0
-    """How far it has turned there [rad]."""
-    steering: bool = False
-    """Whether it stands until its wheels are turned."""
+    turned: float = 0.0  # how far it has turned there [rad]
+    steering: bool = False  # whether it stands until its wheels are turned
     yielding: bool = False
     """Whether the robot drives more slowly, or elsewhere, for something that moves."""
     yielded: float = 0.0
     """How long it has stood for something that moves, less what it has driven since [s]."""
 
     # what the last search was begun for
-    goal: Array = field(default_factory=lambda: np.full(3, np.nan))
-    """(3,), of the tracked pose."""
-    circles: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
-    """(M, 5)."""
+    goal: Array = field(default_factory=lambda: np.full(3, np.nan))  # (3,), of the tracked pose
+    circles: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))  # (M, 5)
     solids: Solids | None = None
     known_solids: Solids | None = None
     """The same, and what scans had shown when the search was begun."""
-    coarseness: float = 0.0
-    """How far these may stand out of what was hit [m]."""
-    age: float = 0.0
-    """Time since then [s]."""
+    coarseness: float = 0.0  # how far these may stand out of what was hit [m]
+    age: float = 0.0  # time since then [s]
 
     unwatched: float = 0.0
     """Time since what scans show was last looked at for what stands on the path [s]."""
@@ -154,14 +133,10 @@ was tried and did not help either."""
 class GuideTask(NamedTuple):
     """From where to where, among what; poses are those of the tracked point."""
 
-    pose: Array
-    """(3,) of the robot [m, m, rad]."""
-    goal: Array
-    """(3,)."""
-    circles: Array
-    """(M, 7) what is round, now: a table of `kernels.clearance`."""
-    solids: Solids | None = None
-    """Polygons, walls and grids; unequal ones are another map."""
+    pose: Array  # (3,) of the robot [m, m, rad]
+    goal: Array  # (3,)
+    circles: Array  # (M, 7) what is round, now: a table of `kernels.clearance`
+    solids: Solids | None = None  # polygons, walls and grids; unequal ones are another map
     rest: Array | None = None
     """Pose (3,) at which the robot would stand if it braked now; where it is, if not given."""
     rolls_on: Array | float = 0.0
@@ -171,45 +146,29 @@ class GuideTask(NamedTuple):
     old path is kept meanwhile, and if there was none the robot stands."""
     view: View | None = None
     """What scans have shown: another path is looked for where that stands on the one driven."""
-    speed: float = 0.0
-    """That was commanded last, below zero backwards [m/s]."""
-    curvature: float = 0.0
-    """In which the wheels of a car stand now [1/m]."""
+    speed: float = 0.0  # that was commanded last, below zero backwards [m/s]
+    curvature: float = 0.0  # in which the wheels of a car stand now [1/m]
 
 
 class Situation(NamedTuple):
     """Robot, goal and obstacles now; poses are those of the turning centre."""
 
-    pose: Array
-    """(3,)."""
-    goal: Array
-    """(3,)."""
-    target: Array
-    """Goal of the tracked pose (3,)."""
-    error: Array
-    """Pose less goal (3,), the heading's in [-pi, pi]."""
-    rest_error: Array
-    """The same of the pose at which the robot stands if it brakes now."""
-    rolled_error: Array
-    """The same where it lags more than its model knows: it rolls on."""
-    distance: float
-    """To the goal [m]."""
-    circles: Array
-    """(M, 7)."""
+    pose: Array  # (3,)
+    goal: Array  # (3,)
+    target: Array  # goal of the tracked pose (3,)
+    error: Array  # pose less goal (3,), the heading's in [-pi, pi]
+    rest_error: Array  # the same of the pose at which the robot stands if it brakes now
+    rolled_error: Array  # the same where it lags more than its model knows: it rolls on
+    distance: float  # to the goal [m]
+    circles: Array  # (M, 7)
     solids: Solids | None
-    moving: MovingObstacles | None
-    """The circles, if any of them moves."""
+    moving: MovingObstacles | None  # the circles, if any of them moves
     capabilities: Capabilities
-    outside: bool
-    """Whether the goal lies outside the area; then `goal` is the nearest pose inside."""
-    until: float
-    """When to leave a search to the next step [s]."""
-    view: View | None = None
-    """What scans have shown; none without any."""
-    speed: float = 0.0
-    """That was commanded last, below zero backwards [m/s]."""
-    curvature: float = 0.0
-    """In which the wheels of a car stand now [1/m]."""
+    outside: bool  # whether the goal lies outside the area; then `goal` is the nearest pose inside
+    until: float  # when to leave a search to the next step [s]
+    view: View | None = None  # what scans have shown; none without any
+    speed: float = 0.0  # that was commanded last, below zero backwards [m/s]
+    curvature: float = 0.0  # in which the wheels of a car stand now [1/m]
 
     def met(self, waited: float) -> Array:
         """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
@@ -294,27 +253,21 @@ class Surveyor:
 class Guidance(NamedTuple):
     """Where to steer."""
 
-    states: Array
-    """(N + 1, 3) reference of the stages; headings next to the robot's."""
-    reachable: bool
-    """Whether there is a path to the goal."""
+    states: Array  # (N + 1, 3) reference of the stages; headings next to the robot's
+    reachable: bool  # whether there is a path to the goal
     hold: bool
     """Whether the robot is to stand still: it is at the goal, or at the pose in the area that is
     nearest to it."""
     path: Array
     """(K, 2) points of the path from where it was planned to the goal [m]; the place to wait where
     there is none."""
-    refreshed: bool
-    """Whether a new path was found in this step, or that there is none."""
+    refreshed: bool  # whether a new path was found in this step, or that there is none
     switched: bool
     """Whether the new path goes another way around, so that a plan along the old one is no good
     start."""
-    progress: GoalProgress
-    """What the robot does about its goal."""
-    reason: str
-    """Why it neither drives there nor holds."""
-    share_at_goal: float
-    """Of the stages: at how many the reference has come to the goal's position."""
+    progress: GoalProgress  # what the robot does about its goal
+    reason: str  # why it neither drives there nor holds
+    share_at_goal: float  # of the stages: at how many the reference has come to the goal's position
     path_clearance: float | Array
     """What the path keeps beyond the problem's margin [m], or at each stage, (N, 1); less where a
     passage is narrow, or the goal lies between obstacles."""

@@ -20,24 +20,18 @@ from kmpc_lite.control.path.planner import ROUNDING, PathRequest
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
-CUT_DEPTH = 0.002
-"""How deep the chords of a path's arcs may cut an inflated circle [m]."""
+CUT_DEPTH = 0.002  # how deep the chords of a path's arcs may cut an inflated circle [m]
 BACK_OFF = 0.001
 """Start or goal may lie nearer to an obstacle than the path's clearance. The path may then come
 nearer than they do by this much [m]."""
-ARC_STEP = 0.15
-"""Largest turn between two points of an arc [rad]."""
+ARC_STEP = 0.15  # largest turn between two points of an arc [rad]
 TURNING_RADIUS_SHARE = 0.3
 """Radius of the circles beside start and goal on which the robot may turn, as a share of the
 distance between them."""
-TURNING_RADIUS_LIMIT = 0.5
-"""Largest radius of these circles [m]."""
-ROUNDS = 12
-"""How often a string is laid around what it still cuts."""
-LOOK = 80
-"""From each corner, the farthest point in sight is looked for among so many."""
-WHOLE_TURN = 2 * math.pi - 1e-6
-"""A turn that is larger is the rounding of no turn at all [rad]."""
+TURNING_RADIUS_LIMIT = 0.5  # largest radius of these circles [m]
+ROUNDS = 12  # how often a string is laid around what it still cuts
+LOOK = 80  # from each corner, the farthest point in sight is looked for among so many
+WHOLE_TURN = 2 * math.pi - 1e-6  # a turn that is larger is the rounding of no turn at all [rad]
 FULL = 1.0 - 1e-9
 """Share of their distance by which two discs that have a common tangent differ at most."""
 LONG_WAY = -0.5 * math.pi
@@ -48,14 +42,10 @@ LONG_WAY = -0.5 * math.pi
 class GeometricPath:
     """One path from start to goal, without times."""
 
-    points: Array
-    """(K, 2) corners, arcs as short chords [m]."""
-    headings: Array
-    """(K,) direction of travel at each point [rad]; never jumps by 2 pi."""
-    time: float
-    """Driving and turning [s]."""
-    reverse: bool
-    """Whether it is driven backwards."""
+    points: Array  # (K, 2) corners, arcs as short chords [m]
+    headings: Array  # (K,) direction of travel at each point [rad]; never jumps by 2 pi
+    time: float  # driving and turning [s]
+    reverse: bool  # whether it is driven backwards
 
 
 class Disc(NamedTuple):
@@ -64,8 +54,7 @@ class Disc(NamedTuple):
     x: float
     y: float
     radius: float
-    sense: float
-    """1 if it lies to the left of the string, -1 to the right, 0 of a point."""
+    sense: float  # 1 if it lies to the left of the string, -1 to the right, 0 of a point
 
     def at(self, course: float) -> tuple[float, float]:
         """Where a string touches it that leads there in a direction [rad]."""
@@ -83,10 +72,8 @@ class Contact(NamedTuple):
 class Line(NamedTuple):
     """From start to goal, pulled straight: it tells on which sides of what strings lie."""
 
-    corners: Array
-    """(K, 2) [m]."""
-    contacts: list[Contact]
-    """At each of those between start and goal."""
+    corners: Array  # (K, 2) [m]
+    contacts: list[Contact]  # at each of those between start and goal
 
 
 class Surroundings:
@@ -103,8 +90,7 @@ class Surroundings:
         self.least = max(min(kept, most), 0.0)
         solids = request.solids
         self._edges = len(request.circles) + (solids.outlines.edge_count if solids else 0)
-        self.quanta = 0
-        """Of the last look along a line, beside the one that any takes."""
+        self.quanta = 0  # of the last look along a line, beside the one that any takes
 
     def contact(self, point: Array, corners: Array) -> Contact:
         """Disc about what is nearest to a point (2,), on its side of a line with corners (K, 2)."""
@@ -190,8 +176,7 @@ class String:
         length = 0.0
         for (a, b), course in zip(itertools.pairwise(discs), courses, strict=True):
             length += math.dist(a.at(course), b.at(course))
-        self.time = time + length / speed
-        """Driving and turning, as fast as ahead [s]."""
+        self.time = time + length / speed  # driving and turning, as fast as ahead [s]
 
     @cached_property
     def rows(self) -> Array:

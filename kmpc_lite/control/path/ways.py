@@ -13,18 +13,12 @@ from kmpc_lite.control.path.motions import Motions, chained, moved, sampled
 from kmpc_lite.control.path.planner import PathRequest, distances_around
 from kmpc_lite.types import Array
 
-NEAR = 1.0
-"""Clearance beyond the margin below which driving costs more [radii]."""
-NEAR_PRICE = 1.0
-"""What it costs more at the margin, as a share of its time."""
-CHUNK = 4096
-"""Places that are looked at at once: what it needs of memory."""
-SHOTS, WAYS = 12, 3
-"""Most ways that are looked at at once, and of these to one pose."""
-FINE = 0.15
-"""How far what sticks out moves between two places at which a path is looked at [radii]."""
-MOST_SAMPLES = 160
-"""Most poses at which a way is looked at."""
+NEAR = 1.0  # clearance beyond the margin below which driving costs more [radii]
+NEAR_PRICE = 1.0  # what it costs more at the margin, as a share of its time
+CHUNK = 4096  # places that are looked at at once: what it needs of memory
+SHOTS, WAYS = 12, 3  # most ways that are looked at at once, and of these to one pose
+FINE = 0.15  # how far what sticks out moves between two places at which a path is looked at [radii]
+MOST_SAMPLES = 160  # most poses at which a way is looked at
 TINY = 1e-9
 
 
@@ -44,8 +38,7 @@ class OutlineClearance:
         self._ends = ends[:, :2]
         self._radius = float(outline[:, 2].max())
         arms = np.hypot(outline[:, 0], outline[:, 1])
-        self.arm = float(arms.max()) + self._radius
-        """How far the outline reaches [m]."""
+        self.arm = float(arms.max()) + self._radius  # how far the outline reaches [m]
         self._reach = 2.0 * self.arm
         self._room_at_ends = outline_distances(request, ends) - margin
         self._near = NEAR * self._radius
@@ -118,10 +111,8 @@ def _distances(request: PathRequest, points: Array, poses: Array) -> Array:
 class Piece(NamedTuple):
     """Motions one after the other."""
 
-    twists: Array
-    """(S, 3)."""
-    times: Array
-    """(S,)."""
+    twists: Array  # (S, 3)
+    times: Array  # (S,)
 
     def then(self, other: Piece) -> Piece:
         """Both, one after the other."""
@@ -131,14 +122,10 @@ class Piece(NamedTuple):
 class Line(NamedTuple):
     """A path while it is improved: its poses, what is driven from each, and the cost from there."""
 
-    poses: Array
-    """(K, 3), the goal last."""
-    costs: Array
-    """(K,) to the goal."""
-    gears: Array
-    """(K,) of what is driven next, 0 at the goal."""
-    ways: list[Piece]
-    """From each of the first K - 1 to the goal, one or more after the other."""
+    poses: Array  # (K, 3), the goal last
+    costs: Array  # (K,) to the goal
+    gears: Array  # (K,) of what is driven next, 0 at the goal
+    ways: list[Piece]  # from each of the first K - 1 to the goal, one or more after the other
 
 
 class Ways:

@@ -15,18 +15,15 @@ from numpy.typing import NDArray
 from kmpc_lite.control.footprint import Footprint, places_of
 from kmpc_lite.types import Array
 
-UNKNOWN = -1
-"""State of a cell of which nothing is known; see `LocalMap.state`."""
+UNKNOWN = -1  # state of a cell of which nothing is known; see `LocalMap.state`
 IN_VAIN = UNKNOWN - 10
 """State of cells at which so many scans in a row have looked in vain: something is there that tells
 nothing, such as a pane of glass, and paths lead around it."""
-NEVER = -np.inf
-"""Before every time; see `LocalMap.taken`."""
+NEVER = -np.inf  # before every time; see `LocalMap.taken`
 EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
 """What is told of cells of which nothing is known."""
 NO_POSES = np.empty((0, 4))
-Window = tuple[int, int, int, int]
-"""First row and the one behind the last, the same of columns."""
+Window = tuple[int, int, int, int]  # first row and the one behind the last, the same of columns
 
 
 def window_between(
@@ -48,28 +45,22 @@ def window_between(
 class LocalMap:
     """Cells along the axes of the world; row and column count with y and x."""
 
-    cell: float
-    """Side of a cell."""
+    cell: float  # side of a cell
     column: int
     """Of the map's first column among all columns of the world: its side lies at column * cell."""
-    row: int
-    """The same of the first row."""
+    row: int  # the same of the first row
     state: NDArray[np.int8]
     """(H, W) UNKNOWN, and less by the scans that have looked there in vain; 0: seen to be free;
     n: occupied, until n more scans have passed through."""
-    seen: NDArray[np.float32]
-    """(H, W) when it was seen last, on `clock`."""
+    seen: NDArray[np.float32]  # (H, W) when it was seen last, on `clock`
     extent: NDArray[np.float32]
     """(H, W, 4) box around the hits of the last step that hit a cell, and around where they may
     be for their noise: its lower and upper corner, from the cell's lower one."""
     taken: NDArray[np.float32]
     """(H, W) when an occupied cell was hit that was free until then, on `clock`."""
-    is_fixed: bool
-    """Whether it holds the whole area, so that it need not follow the robot."""
-    clock: float = 0.0
-    """Time since the map was begun."""
-    forgotten: float = 0.0
-    """When cells were forgotten last."""
+    is_fixed: bool  # whether it holds the whole area, so that it need not follow the robot
+    clock: float = 0.0  # time since the map was begun
+    forgotten: float = 0.0  # when cells were forgotten last
     trail: Array = field(default_factory=lambda: NO_POSES)
     """(K, 4) time and pose of the steps before."""
     outlooks: Array = field(default_factory=lambda: np.empty((0, 5)))

@@ -22,19 +22,15 @@ from kmpc_lite.control.options import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
-LEAST_CELL = 1e-4
-"""Least side of a cell [m]: no sensor sees finer."""
-USUAL_THRESHOLD = 65.0
-"""map_server's, of 100."""
+LEAST_CELL = 1e-4  # least side of a cell [m]: no sensor sees finer
+USUAL_THRESHOLD = 65.0  # map_server's, of 100
 DOUBTFUL = 50.0
 """Of 100: a cell that is as likely occupied as free, or likelier, is not known to be free."""
-AT = 1e-9
-"""Distance at which a direction cannot be told [m]."""
+AT = 1e-9  # distance at which a direction cannot be told [m]
 GRID_COLUMNS = 4
 """Half-planes that a grid has at each stage: the nearest rectangle, then the nearest that does not
 lie behind those taken."""
-BEHIND = 1e-3
-"""`behind` of rectangles that are exact [m]."""
+BEHIND = 1e-3  # `behind` of rectangles that are exact [m]
 
 
 class OccupancyGrid:

@@ -22,8 +22,7 @@ from kmpc_lite.files import real_array
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
-Sector = tuple[float, float]
-"""From one direction counter-clockwise to another [rad]."""
+Sector = tuple[float, float]  # from one direction counter-clockwise to another [rad]
 Layout = tuple[int, float, float, float, bool]
 """Number of beams, direction of the first and from beam to beam, heading of the mount [rad], and
 whether they count clockwise."""
@@ -285,12 +284,10 @@ def _number(name: str, value: Any, least: float, most: float = FARTHEST) -> floa
 
 BEYOND = 1e-6
 """How far beyond its end a sector is looked at, to tell whether another one goes on there [rad]."""
-EQUAL = 1e-9
-"""Difference of two angles that is rounding [rad]."""
+EQUAL = 1e-9  # difference of two angles that is rounding [rad]
 DIRECTIONS = 2048
 """Directions that are told apart all around: the beams of the finest scanner that is usual."""
-NOTHING = 1e-15
-"""Keeps a quotient finite: what it is added to changes by less than rounding."""
+NOTHING = 1e-15  # keeps a quotient finite: what it is added to changes by less than rounding
 
 
 def numbers_of(x: Singles, y: Singles) -> NDArray[np.intp]:
@@ -399,16 +396,14 @@ class Rays:
         ranges, deviations = library.averaged_ranges(reach, hits, step, scan.noise, 0.5 * cell)
         along = beams(*scan.layout)[1].T
         surface = placed(ranges * along[0] + mount_x, ranges * along[1] + mount_y)
-        self.hits = np.stack(surface, axis=1)[hits]
-        """(M, 2) what was hit."""
+        self.hits = np.stack(surface, axis=1)[hits]  # (M, 2) what was hit
         self.deviations = deviations[hits]
         """(M,) standard deviations of their distances from the scanner."""
         self.origin = np.array(placed(mount_x, mount_y)).reshape(2, -1)[:, -1]
         """(2,) the scanner; at the time of the last beam."""
         self.low = np.minimum((x.min(), y.min()), self.origin) - cell
         """(2,) corner of the area that no beam has left ..."""
-        self.high = np.maximum((x.max(), y.max()), self.origin) + cell
-        """... and the opposite one."""
+        self.high = np.maximum((x.max(), y.max()), self.origin) + cell  # ... and the opposite one.
         if one:
             # beams of one moment lie in the robot's frame as those of the scan before
             self.turn = float(cos), float(sin)
@@ -426,8 +421,7 @@ class Rays:
         self.vain = failed.take(nearest) if some else None
         """(2048,) numbered directions in which beams measure nothing, near or far; None: no three
         neighbours fail."""
-        self.farthest = float(reach.max())
-        """Longest ray."""
+        self.farthest = float(reach.max())  # longest ray
         # only so far does the nearest beam pass through a cell in a direction beside it
         within = np.minimum(reach.take(nearest), 0.5 * cell / np.maximum(aside, NOTHING))
         self.squares = np.empty(DIRECTIONS + 1, dtype=np.float32)

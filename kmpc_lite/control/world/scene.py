@@ -42,20 +42,16 @@ Solid = Polygon | Wall | OccupancyGrid
 Obstacle = Circle | Solid | LaserScan
 Obstacles = Sequence[Obstacle] | ArrayLike
 NO_CIRCLES = circles_to_array(())
-MOST_SCANS = MOST_GRIDS = 10
-"""Laser scans, and grids, of one step."""
+MOST_SCANS = MOST_GRIDS = 10  # laser scans, and grids, of one step
 
 
 @dataclass(slots=True)
 class SceneState:
     """The solids that were prepared last."""
 
-    given: tuple[Solid, ...] = ()
-    """As the caller gave them, in metres."""
-    solids: Solids | None = None
-    """The same, prepared, in the robot's units."""
-    looked_from: Array | None = None
-    """(2,) where those that are near were looked up last."""
+    given: tuple[Solid, ...] = ()  # as the caller gave them, in metres
+    solids: Solids | None = None  # the same, prepared, in the robot's units
+    looked_from: Array | None = None  # (2,) where those that are near were looked up last
 
 
 def too_many(circles: int, solids: Sequence[Solid], scans: int, most: ObstacleOptions) -> str:

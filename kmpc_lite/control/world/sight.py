@@ -29,8 +29,7 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
 NONE_MOVING = np.empty((0, COLUMNS))
-CELL_NOISE = 2.0
-"""Least side of a cell, as a multiple of the standard deviation of the ranges."""
+CELL_NOISE = 2.0  # least side of a cell, as a multiple of the standard deviation of the ranges
 MAP_REACH = 2.0
 """Distance to the map's edge from its middle, as a multiple of the scanner's reach, where the map
 does not hold the whole area."""
@@ -39,15 +38,13 @@ FREE_DISTANCE = 20.0
 there before and is gone."""
 STARE_DISTANCE = 6.0
 """How far from the scanner such cells are noted [radii]: what is farther is looked at again."""
-TRAIL = 64
-"""How many poses of the past are kept, to tell where old beams were sent from."""
+TRAIL = 64  # how many poses of the past are kept, to tell where old beams were sent from
 SAME_PLACE = 0.5
 """How far the robot may have come, or its edge may have turned, since a scan that is told again
 [radii]; what is told again from farther away is what the scanner saw before."""
 NOISY = 8
 """Fewest hits that never come again by chance: a few may, along a wall and told in centimetres."""
-PERIODS = 2.5
-"""Fewest periods that scans may stay away: one may be late."""
+PERIODS = 2.5  # fewest periods that scans may stay away: one may be late
 SCANNERS = 16
 """Most scanners that are remembered: one whose beams lie otherwise each time is new each time."""
 Scanner = tuple[tuple[float, float, float], Layout]
@@ -192,10 +189,8 @@ class Sight:
 class LastScan:
     """What a scanner told last, and where the robot was when it told it first."""
 
-    ranges: bytes
-    """(B,) [m]."""
-    pose: Array
-    """(3,)."""
+    ranges: bytes  # (B,) [m]
+    pose: Array  # (3,)
 
 
 @dataclass(slots=True)
@@ -204,8 +199,7 @@ class ScanWatchState:
 
     last: dict[Scanner, LastScan] = field(default_factory=dict)
     """The one that told something last at the end."""
-    silent: float = 0.0
-    """For how long nothing new was told [s]."""
+    silent: float = 0.0  # for how long nothing new was told [s]
 
 
 class ScanWatch:
@@ -259,8 +253,7 @@ class ScanWatch:
         return near and abs(float(wrap(turn))) <= SAME_PLACE
 
 
-NOTHING = Solids([]).whole
-"""No solids."""
+NOTHING = Solids([]).whole  # no solids
 WORLD = OccupancyGrid([[0]], 1.0)
 """A grid in the world's own frame, for rectangles that belong to none."""
 

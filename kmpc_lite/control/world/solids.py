@@ -19,8 +19,7 @@ from kmpc_lite.control.world.scene import Solid
 from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
-Body = tuple[Footprint, Array]
-"""A footprint, and its poses (n, 3)."""
+Body = tuple[Footprint, Array]  # a footprint, and its poses (n, 3)
 
 
 def _cells(places: Array) -> list[Array]:

@@ -46,8 +46,7 @@ from kmpc_lite.types import Array
 
 ROUNDING = 1e-6
 """How far from its place a circle may be that moves as given: single precision [radii]."""
-SAME_PLACE = 0.01
-"""A circle that is given so near to where it was is the same one [m]."""
+SAME_PLACE = 0.01  # a circle that is given so near to where it was is the same one [m]
 NONE_MOVING = np.empty((0, COLUMNS))
 
 
@@ -55,10 +54,8 @@ NONE_MOVING = np.empty((0, COLUMNS))
 class Around:
     """What is round, in a step."""
 
-    things: Array
-    """(M, 7) those that were given, then those that scans show to walk."""
-    walking: int
-    """How many of them scans show to walk."""
+    things: Array  # (M, 7) those that were given, then those that scans show to walk
+    walking: int  # how many of them scans show to walk
     perhaps: Array
     """(P, 7) what seems to walk in scans, but may be a piece of something that stands."""
 

@@ -26,28 +26,21 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.world.local_map import LocalMap
 
-GATE = 1e-4
-"""Probability that a circle is farther from where its track expects it than is looked."""
-MOST = 200
-"""Circles that are followed."""
+GATE = 1e-4  # probability that a circle is farther from where its track expects it than is looked
+MOST = 200  # circles that are followed
 FIRST_SPEED = 2.0
 """Standard deviation of the velocity of what was never seen before, along each axis, as a share of
 the robot's fastest: it may be anything."""
-TURN_MEMORY = 2.0
-"""How long turns last [s]."""
+TURN_MEMORY = 2.0  # how long turns last [s]
 TURN_RATE = 0.5
 """Standard deviation of turn rates [rad/s]: a person walks a half circle in six seconds."""
-GIVEN, SCANNED = 0.0, 1.0
-"""Whether a circle was given, or is a cluster of a scan."""
-GAP = 1.0
-"""Distance between neighbouring hits beyond which another cluster begins [radii]."""
-LARGEST = 3.0
-"""Radius of the largest cluster that may be a pedestrian [radii]."""
+GIVEN, SCANNED = 0.0, 1.0  # whether a circle was given, or is a cluster of a scan
+GAP = 1.0  # distance between neighbouring hits beyond which another cluster begins [radii]
+LARGEST = 3.0  # radius of the largest cluster that may be a pedestrian [radii]
 WINDOW = 1.0
 """Time over which a cluster's way counts [s]: one that stands for so long is a thing
 again."""
-SURE = 3.0
-"""How many times as much a step counts that leads to where it was seen to be free."""
+SURE = 3.0  # how many times as much a step counts that leads to where it was seen to be free
 STRAYED = 0.5
 """How far a cluster must have moved to be a pedestrian, in its own radii: what is seen of a post
 changes with the place that it is seen from."""
@@ -61,8 +54,7 @@ class Tracks:
 
     rows: Array = field(default_factory=lambda: np.empty((0, rows_of.COLUMNS)))
     """(M, 39) as of `kernels.tracks`."""
-    next_number: int = 0
-    """Of the next track."""
+    next_number: int = 0  # of the next track
 
     def __len__(self) -> int:
         return len(self.rows)

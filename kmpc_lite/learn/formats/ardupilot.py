@@ -32,10 +32,8 @@ from kmpc_lite.learn.logs import Log, ReadOptions, Series
 from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
-STEERING = 26
-"""SERVOn_FUNCTION of a servo that steers: ArduPilot's GroundSteering."""
-TELLING = 5000
-"""Messages between two looks at the progress."""
+STEERING = 26  # SERVOn_FUNCTION of a servo that steers: ArduPilot's GroundSteering
+TELLING = 5000  # messages between two looks at the progress
 
 
 def steers(settings: Mapping[str, float]) -> bool:
@@ -79,8 +77,7 @@ FIELDS = {
     "STER": ("DesTurnRate", "SteerOut"),
 }
 """What is read of which message; angles in degrees, turns to the right."""
-FULL_STEERING = 4500.0
-"""SteerOut of a robot that turns as fast as it can."""
+FULL_STEERING = 4500.0  # SteerOut of a robot that turns as fast as it can
 
 
 def read_dataflash(path: Path, options: ReadOptions) -> Log:
@@ -172,14 +169,10 @@ def _commands(
 BLOCK, STAMP = 1 << 20, struct.Struct(">Q")
 """Bytes read at once; the stamp before each frame [us since 1970]."""
 V1, V2, SIGNED, SIGNATURE = 0xFE, 0xFD, 1, 13
-OVERHEAD = {V1: 8, V2: 12}
-"""Bytes of a frame beside its payload."""
-LATEST = 10_000_000_000_000_000
-"""Microseconds since 1970 that no stamp exceeds: the year 2286."""
-BODY_FRAMES = (8, 9, 12)
-"""MAV_FRAME_BODY_NED, _BODY_OFFSET_NED, _BODY_FRD: x along the nose."""
-IGNORES = 8 | 2048
-"""Bits of a set-point's type_mask that leave out its speed, or its turn."""
+OVERHEAD = {V1: 8, V2: 12}  # bytes of a frame beside its payload
+LATEST = 10_000_000_000_000_000  # microseconds since 1970 that no stamp exceeds: the year 2286
+BODY_FRAMES = (8, 9, 12)  # MAV_FRAME_BODY_NED, _BODY_OFFSET_NED, _BODY_FRD: x along the nose
+IGNORES = 8 | 2048  # bits of a set-point's type_mask that leave out its speed, or its turn
 POSES = ("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT")
 COMMANDS = (
     "SET_POSITION_TARGET_LOCAL_NED",

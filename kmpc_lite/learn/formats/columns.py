@@ -10,13 +10,11 @@ from pathlib import Path
 from kmpc_lite.errors import DataError, did_you_mean
 from kmpc_lite.learn.logs import KNOWN, spelled
 
-COLUMNS = ("t", "x", "y", "theta", "v", "omega")
-"""Columns of the tables that are written."""
+COLUMNS = ("t", "x", "y", "theta", "v", "omega")  # columns of the tables that are written
 CAR_OMEGA = "steered_turn_rate"
 """Turn rate of a car, as its saved logs have it: speed times the curvature of its wheels."""
 QUATERNION = ("qx", "qy", "qz", "qw")
-STEERED = ("steering", "curvature", "servo", CAR_OMEGA)
-"""What steers a car."""
+STEERED = ("steering", "curvature", "servo", CAR_OMEGA)  # what steers a car
 WAYS = {
     "position": (("x", "y"), ("lat", "lon")),
     "heading": (("theta",), QUATERNION),
@@ -57,8 +55,7 @@ COMMANDED = ("cmd", "command", "commanded", "target", "setpoint")
 """Words that tell a command from a measured speed, ..."""
 WANTED = (*COMMANDED, "desired", "ref", "reference")
 """... and those that may tell it from what a path was to be driven at."""
-LONGEST_NAME = 100
-"""Most characters of a column's name that are searched for a unit."""
+LONGEST_NAME = 100  # most characters of a column's name that are searched for a unit
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 SUFFIXES = "ns us ms sec deg rad mm cm mps rpm degps dps radps kmh kph".split()
 """Units without brackets, whatever they stand behind; others count where they fit the column."""
@@ -69,14 +66,10 @@ class Found:
     """Where the columns of a table are, by our name; a quaternion in the place of theta."""
 
     where: dict[str, int]
-    names: dict[str, str]
-    """The file's names."""
-    units: dict[str, str]
-    """Units that the header tells, where they are not SI."""
-    command: tuple[str, ...]
-    """Columns of the commands; none if the table has none."""
-    header: tuple[str, ...]
-    """Names of all the table's columns."""
+    names: dict[str, str]  # the file's names
+    units: dict[str, str]  # units that the header tells, where they are not SI
+    command: tuple[str, ...]  # columns of the commands; none if the table has none
+    header: tuple[str, ...]  # names of all the table's columns
 
     def shown(self, name: str) -> str:
         """Give the file's name of a column, fit for a message."""

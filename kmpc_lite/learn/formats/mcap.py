@@ -22,12 +22,9 @@ from kmpc_lite.learn.formats.streams import Thinned, two_or_three
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 
-MAGIC = b"\x89MCAP0\r\n"
-"""First and last bytes of a file."""
-PROFILE = "kmpc"
-"""Profile of the files that this project writes."""
-DRIVE = "drive.mcap"
-"""Name of a recorded drive in its folder."""
+MAGIC = b"\x89MCAP0\r\n"  # first and last bytes of a file
+PROFILE = "kmpc"  # profile of the files that this project writes
+DRIVE = "drive.mcap"  # name of a recorded drive in its folder
 LARGEST_MESSAGE, LARGEST = 2**20, 2**25
 """Length of the longest message that this project writes, and of the largest record that is read
 [bytes]; a chunk holds half a second."""
@@ -35,19 +32,15 @@ MOST_CHANNELS = 1000
 POSES, COMMANDS, GATE = "/pose", "/command", "/gate"
 DRIVING = ("ACTIVE", "STOPPING", "HOLDING")
 """States of the safety gate in which the robot obeys the commands that are recorded."""
-BREAKS = 0.3
-"""Where the robot did not obey, poses are left out, and so is this long after it [s]."""
+BREAKS = 0.3  # where the robot did not obey, poses are left out, and so is this long after it [s]
 
 
 class Found(NamedTuple):
     """One message of a file, or one table of texts."""
 
-    topic: str
-    """Of the message; the table's name behind ``metadata:``."""
-    time: int
-    """[ns]"""
-    content: Any
-    """Bytes of a message, or texts by their names."""
+    topic: str  # of the message; the table's name behind ``metadata:``
+    time: int  # [ns]
+    content: Any  # bytes of a message, or texts by their names
 
 
 def is_ours(path: str | os.PathLike[str]) -> bool:

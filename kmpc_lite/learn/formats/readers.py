@@ -23,12 +23,9 @@ from kmpc_lite.reading import open_regular
 class Reader(NamedTuple):
     """What reads one format, and what it needs."""
 
-    where: str
-    """``module:function`` within this folder."""
-    what: str
-    """Name of the format."""
-    needs: str = ""
-    """Module that it needs beside the core's, which the extra "logs" brings."""
+    where: str  # ``module:function`` within this folder
+    what: str  # name of the format
+    needs: str = ""  # module that it needs beside the core's, which the extra "logs" brings
 
 
 TABLE = Reader("tables:read_table", "a table")
@@ -41,8 +38,7 @@ READERS: dict[str, Reader] = {
     ".tlog": Reader("ardupilot:read_tlog", "a MAVLink log", "pymavlink"),
     ".ulg": Reader("ulog:read_ulog", "a PX4 log", "pyulog"),
 }
-LFS = b"version https://git-lfs"
-"""What Git leaves in place of a large file."""
+LFS = b"version https://git-lfs"  # what Git leaves in place of a large file
 MAGIC = {
     b"\x89MCAP0\r\n": ".mcap",
     b"#ROSBAG": ".bag",

@@ -42,8 +42,7 @@ OTHER = {
     "cmd": ("odom", "imu", "measured", "feedback", "local_position", "global_position", "actual"),
 }
 """Parts of names of topics that hold something else than the robot's pose, or its command."""
-BODIES = ("base_footprint", "base_link", "base", "body", "chassis")
-"""Frames of the robot in TF."""
+BODIES = ("base_footprint", "base_link", "base", "body", "chassis")  # frames of the robot in TF
 LOOK, TELLING = 2000, 5000
 """Messages of TF in which the robot's frame must stand; those between two looks at the progress."""
 SAME_CLOCK = 1.0
@@ -58,8 +57,7 @@ TORN = {
     "metadata key": METADATA,
 }
 """What damages a bag, by a part of what its reader says."""
-MAX_METADATA = 2**24
-"""Largest metadata.yaml that is read [bytes]."""
+MAX_METADATA = 2**24  # largest metadata.yaml that is read [bytes]
 
 
 class Wanted(NamedTuple):
@@ -67,8 +65,7 @@ class Wanted(NamedTuple):
 
     topic: str
     kind: str
-    frames: tuple[str, str] | None = None
-    """Of TF: parent and child."""
+    frames: tuple[str, str] | None = None  # of TF: parent and child
 
 
 def read_bag(path: Path, options: ReadOptions) -> Log:

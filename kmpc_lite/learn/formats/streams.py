@@ -15,18 +15,15 @@ from kmpc_lite.learn.formats.columns import CAR_OMEGA
 from kmpc_lite.learn.logs import Log, Series, Topic
 from kmpc_lite.types import Array
 
-MOST_SAMPLES = 1_000_000
-"""Samples that are kept of one stream: 40 MB of poses, 14 hours at 20 Hz."""
+MOST_SAMPLES = 1_000_000  # samples that are kept of one stream: 40 MB of poses, 14 hours at 20 Hz
 SHARES = (
     "commands are shares of full throttle and steering, not m/s and rad/s: the model is one of "
     "those shares, and drives a robot that is commanded by them"
 )
 SIDEWAYS = 0.05
 """Share of the largest speed ahead from which on a speed to the left is that of an omni."""
-NEAR = 0.5
-"""Positions farther from the next heading are left out [s]."""
-EARTH = 6_378_137.0
-"""Radius at the equator [m]."""
+NEAR = 0.5  # positions farther from the next heading are left out [s]
+EARTH = 6_378_137.0  # radius at the equator [m]
 
 
 class Thinned:

@@ -46,8 +46,7 @@ from kmpc_lite.reading import text_lines
 from kmpc_lite.types import INPUTS, Array
 
 WRITTEN = (".csv", ".npz")
-MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
-"""Most memory that an npz log may take [bytes]."""
+MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS  # most memory that an npz log may take [bytes]
 MAX_HEADER, MAX_LINE, MAX_REMARKS = 10_000, 100_000, 100
 """Characters of the longest header, and of the longest line; remarks before the header."""
 MISSING = ("", "nan", "none", "null", "na", "n/a")
@@ -72,10 +71,8 @@ class Table:
 
     file: Path
     found: Found
-    columns: dict[str, Array]
-    """Values (n,) by our name."""
-    where: Callable[[int], str]
-    """Names a row as its file does; -1 is its header."""
+    columns: dict[str, Array]  # values (n,) by our name
+    where: Callable[[int], str]  # names a row as its file does; -1 is its header
 
 
 def read_table(file: Path, options: ReadOptions) -> Log:
@@ -265,14 +262,10 @@ class Layout:
     """How the text of a table is to be read."""
 
     header: list[str]
-    delimiter: str | None
-    """What parts the values of a line; None stands for blanks."""
-    skipped: int
-    """Lines before the first row."""
-    first: str
-    """The line that was taken for the first row if there is no header, or nothing."""
-    where: str
-    """What messages call the header."""
+    delimiter: str | None  # what parts the values of a line; None stands for blanks
+    skipped: int  # lines before the first row
+    first: str  # the line that was taken for the first row if there is no header, or nothing
+    where: str  # what messages call the header
 
     def is_row(self, line: str) -> bool:
         """Whether a line holds values."""

@@ -17,8 +17,7 @@ from kmpc_lite.types import INPUTS, Array
 MAX_SIZE = 10_000
 """Lifted coordinates of the largest dictionary: a Gram matrix of them still fits a big machine's
 memory."""
-MAX_LAG = 1000
-"""Longest input history [periods]."""
+MAX_LAG = 1000  # longest input history [periods]
 
 
 class Dictionary(Protocol):

@@ -12,8 +12,7 @@ from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import MAX_SIZE, AnyWheels
 from kmpc_lite.types import INPUTS, Array
 
-_ONES = np.arange(4)
-"""Diagonal of `UnicycleDictionary.expand`: one wherever the robot is."""
+_ONES = np.arange(4)  # diagonal of `UnicycleDictionary.expand`: one wherever the robot is
 
 
 class UnicycleDictionary(AnyWheels):

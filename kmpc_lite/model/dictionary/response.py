@@ -21,15 +21,12 @@ from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, LiftedAsBase, dictionary_to_config
 from kmpc_lite.types import INPUTS, Array
 
-WITHIN = (0.5, 0.5)
-"""How much of a change by a ramp is driven in its period, and in the next one."""
-STANDS = 1e-9
-"""Speed below which a command says nothing of how the wheels are steered [m/s]."""
+WITHIN = (0.5, 0.5)  # how much of a change by a ramp is driven in its period, and in the next one
+STANDS = 1e-9  # speed below which a command says nothing of how the wheels are steered [m/s]
 ONE, PLAIN, SIZE, SQUARE, CUBE, SIGNED_SQUARE, SIGN = FACTORS = range(7)
 """Of a speed s: 1, s, |s|, s^2, s^3, s|s| and the sign of s. ``|s|`` is smoothed to ``s^2 /
 sqrt(s^2 + eps^2)``, which is even, and zero with its slope at zero; the sign is smoothed alike."""
-LINEAR = ("v", "omega")
-"""Terms of a robot that does not slip."""
+LINEAR = ("v", "omega")  # terms of a robot that does not slip
 _TERMS = {
     "v": (PLAIN, ONE),
     "omega": (ONE, PLAIN),
@@ -53,10 +50,8 @@ _OMNI_TERMS = {
     "lateral*|lateral|": (ONE, SIGNED_SQUARE, ONE),
     "omega*|omega|": (ONE, ONE, SIGNED_SQUARE),
 }
-TERMS = tuple(_TERMS)
-"""Of robots with two speeds; the C code has them in this order."""
-OMNI_TERMS = tuple(_OMNI_TERMS)
-"""Of robots that drive sideways, too."""
+TERMS = tuple(_TERMS)  # of robots with two speeds; the C code has them in this order
+OMNI_TERMS = tuple(_OMNI_TERMS)  # of robots that drive sideways, too
 _KINDS = {len(next(iter(t.values()))): np.array(list(t.values())) for t in (_TERMS, _OMNI_TERMS)}
 
 

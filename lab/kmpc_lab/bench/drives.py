@@ -22,18 +22,14 @@ from kmpc_lite.types import Array
 
 TUNING_SEED, REPORTING_SEED = 7_000, 700_000
 """First seeds of the recorded drives: for finding settings, and for what is reported."""
-STEPS, OBSTACLES = 60, 4
-"""States of a recorded drive, and circles that it leads past."""
+STEPS, OBSTACLES = 60, 4  # states of a recorded drive, and circles that it leads past
 SLIP = 0.05
-HALF = 1.8
-"""Starts and goals lie so far from the middle, at the most, along both axes [m]."""
+HALF = 1.8  # starts and goals lie so far from the middle, at the most, along both axes [m]
 SPACING = 0.45
 """Free space between obstacles, beyond their radii [m]: half as much again as the robot is wide."""
-REACH = 4.0
-"""How far the scanner sees [m]."""
+REACH = 4.0  # how far the scanner sees [m]
 BEAMS = (360, 720, 1440)
-SCANNED = 160
-"""Of a drive at most: about half the way through one of the worlds."""
+SCANNED = 160  # of a drive at most: about half the way through one of the worlds
 CIRCLES = 4
 Step = tuple[Array, Array, Obstacles, Array | None]
 """Pose, goal, obstacles and command sent before of a recorded step."""

@@ -31,22 +31,15 @@ ANYTIME_PASSES = 100
 class LoopResult:
     """What the loop saw."""
 
-    rate: float
-    """[Hz]"""
+    rate: float  # [Hz]
     ticks: int
-    setup: list[str]
-    """What `prepare_process` did and did not."""
-    lateness: Histogram
-    """How late periods began [s]."""
-    response: Histogram
-    """From a period's deadline to its command [s]."""
-    steps: Histogram
-    """Time of `Controller.step` alone [s]."""
-    skipped: int
-    """Periods that were left out."""
+    setup: list[str]  # what `prepare_process` did and did not
+    lateness: Histogram  # how late periods began [s]
+    response: Histogram  # from a period's deadline to its command [s]
+    steps: Histogram  # time of `Controller.step` alone [s]
+    skipped: int  # periods that were left out
     statuses: dict[str, int]
-    budget: float
-    """`Controller`'s time_budget [s]."""
+    budget: float  # `Controller`'s time_budget [s]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; times in milliseconds."""

@@ -17,12 +17,9 @@ from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-PASSES, TOLERANCE = 200, 1e-6
-"""Of ours: passes at the most, and the change that ends them."""
-EQUAL = 1e-3
-"""A cost is as good as another that is smaller by no more than this share of it."""
-OBEYED = 1e-4
-"""A plan is feasible that enters no obstacle by more [m]."""
+PASSES, TOLERANCE = 200, 1e-6  # of ours: passes at the most, and the change that ends them
+EQUAL = 1e-3  # a cost is as good as another that is smaller by no more than this share of it
+OBEYED = 1e-4  # a plan is feasible that enters no obstacle by more [m]
 VERDICTS = {
     "as good": (
         f"cost within {100 * EQUAL:g} % of IPOPT's or better, violation at most {1e3 * OBEYED:g} mm"
@@ -36,8 +33,7 @@ VERDICTS = {
     "violated": "ours enters an obstacle although IPOPT's plan does not",
     "worse": "none of these, and yet worse",
 }
-APART = 0.05
-"""Plans that are farther apart than this somewhere go another way [m]."""
+APART = 0.05  # plans that are farther apart than this somewhere go another way [m]
 
 
 @dataclass(frozen=True)
@@ -46,13 +42,10 @@ class Comparison:
 
     drive: int
     step: int
-    excess: float
-    """Cost of ours over IPOPT's, less 1."""
-    violation: float
-    """How deep ours enters an obstacle or leaves the area [m]."""
+    excess: float  # cost of ours over IPOPT's, less 1
+    violation: float  # how deep ours enters an obstacle or leaves the area [m]
     peer_violation: float
-    verdict: str
-    """One of `VERDICTS`."""
+    verdict: str  # one of `VERDICTS`
 
 
 def compare(

@@ -25,10 +25,8 @@ MODEL = Path("/proc/device-tree/model")
 """Where a board with a device tree, such as a Raspberry Pi, says what it is."""
 QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}
 """By their names in tables and in JSON; beside them stands ``max``."""
-HEAD = "".join(f"{name:>9}" for name in (*QUANTILES, "max")) + " [ms]"
-"""Head of `format_times`."""
-PAUSE = 0.01
-"""Sleep before each step [s]."""
+HEAD = "".join(f"{name:>9}" for name in (*QUANTILES, "max")) + " [ms]"  # head of `format_times`
+PAUSE = 0.01  # sleep before each step [s]
 PAST_CIRCLES = "past four circles, on the states of full steps; peers solve the paper's problem"
 BY_LIDAR = "full steps past circles and by lidar"
 BY_SOLVER = "the paper's problem past four circles, by QP solver"

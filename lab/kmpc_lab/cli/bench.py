@@ -12,12 +12,10 @@ from kmpc_lite.cli.command import Command, ProgressBar, count, positive, refuse_
 
 DRIVES, SECONDS = 20, 600.0
 """Recorded drives, and how long the loop runs [s], if nothing else is asked for."""
-QUALITY_STEPS = 50
-"""States of a recorded drive that IPOPT solves until it converges."""
+QUALITY_STEPS = 50  # states of a recorded drive that IPOPT solves until it converges
 SHARED = ("--drives", "--tuning", "--only", "--seconds", "--no-load", "--budget")
 """Options that not every job reads."""
-RECORDED = ("--drives", "--tuning")
-"""What a job reads that records drives."""
+RECORDED = ("--drives", "--tuning")  # what a job reads that records drives
 
 
 @dataclass(frozen=True)
@@ -26,10 +24,8 @@ class Job:
 
     measure: Callable[[argparse.Namespace], tuple[Any, str]]
     """Gives what was found, for machines and as text."""
-    reads: tuple[str, ...]
-    """Options beside its own."""
-    text: str = ""
-    """Its line of the help."""
+    reads: tuple[str, ...]  # options beside its own
+    text: str = ""  # its line of the help
 
 
 def _compare(options: argparse.Namespace) -> tuple[Any, str]:
@@ -91,8 +87,7 @@ def _drives(options: argparse.Namespace) -> int:
     return DRIVES if options.drives is None else int(options.drives)
 
 
-COMPARISON = Job(_compare, (*RECORDED, "--only"))
-"""What is done if no job is named."""
+COMPARISON = Job(_compare, (*RECORDED, "--only"))  # what is done if no job is named
 JOBS = {
     "--solvers": Job(
         _solvers,

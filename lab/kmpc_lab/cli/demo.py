@@ -40,12 +40,9 @@ and a drive this short does not tell by itself how late it turns."""
 HOLD = 20.0
 """How long a rover that sees waits for plans on a busy machine until it is given back [s]: it would
 stand there until the time is up."""
-PATIENCE = 60.0
-"""Give up driving after so long [s]."""
-LIDAR = "ld06"
-"""Default lidar of the rover."""
-START_TIME = 20.0
-"""How long an emulator may take to start [s]."""
+PATIENCE = 60.0  # give up driving after so long [s]
+LIDAR = "ld06"  # default lidar of the rover
+START_TIME = 20.0  # how long an emulator may take to start [s]
 OWN_FILES = (
     *("rover", "lidar", "drive.csv", "drive.tlog", "robot.npz", "report.html"),
     *("run/drive.csv", "run/drive.tlog", "run/drive.mcap"),

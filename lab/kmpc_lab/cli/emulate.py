@@ -23,12 +23,9 @@ if TYPE_CHECKING:
     from kmpc_lab.emulator.lidar import LidarEmulator
     from kmpc_lite.scenario.files import Scenario
 
-TOPICS = "topics"
-"""Instead of a link: those of ROS 2."""
-SCENARIO = "four_circles_1"
-"""Of a robot behind ROS 2 topics, if none is named."""
-SHOWN = 0.5
-"""Between pictures of the pose [s]."""
+TOPICS = "topics"  # instead of a link: those of ROS 2
+SCENARIO = "four_circles_1"  # of a robot behind ROS 2 topics, if none is named
+SHOWN = 0.5  # between pictures of the pose [s]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

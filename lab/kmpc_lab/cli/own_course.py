@@ -15,10 +15,8 @@ from kmpc_lite.scenario.files import Scenario, learned_wheels
 
 UNIT_PERIOD = 0.1
 """Period [s] that suits the bundled map at `UNIT_SPEED`; a longer one needs a larger map."""
-UNIT_TURNING_RADIUS = 0.5
-"""Turning radius [m] of a car that the bundled map suits."""
-UNIT_ASIDE = 0.06
-"""Distance [m] that the bundled map's gaps leave to what is passed."""
+UNIT_TURNING_RADIUS = 0.5  # turning radius [m] of a car that the bundled map suits
+UNIT_ASIDE = 0.06  # distance [m] that the bundled map's gaps leave to what is passed
 DRIVES, TIGHTEST = 0.2, 0.05
 """Commands of more than this share of the fastest speed show the turning radius of a car, of which
 this share may be tighter."""

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from kmpc_lab.sim.closed_loop import Run
     from kmpc_lite.scenario.files import Scenario
 
-BEYOND = 1.05
-"""A speed may exceed what a log shows by this factor."""
+BEYOND = 1.05  # a speed may exceed what a log shows by this factor
 TOLD, FAR = 0.01, 1.0
 """A clearance that is more than asked for by so much is explained, if it is not beyond [m]."""
 

@@ -15,8 +15,7 @@ LONGEST_LINE, A_NUMBER = 24, 12
 """Bytes of a request without its line feed: beside the numbers of motors and servo, and of one."""
 NUMBER = re.compile(r"-?\d{1,10}")
 INT32 = 2**31
-LONGEST_WATCHDOG = 60000
-"""[ms]"""
+LONGEST_WATCHDOG = 60000  # [ms]
 
 
 class ArduinoEmulator(BoardEmulator):
@@ -40,8 +39,7 @@ class ArduinoEmulator(BoardEmulator):
         self._reset()
 
     def _reset(self) -> None:
-        self.faults = 0
-        """Bits of STOPPED, ENCODER, FAULT; set them to see what the other end does."""
+        self.faults = 0  # bits of STOPPED, ENCODER, FAULT; set them to see what the other end does
         self._booted = self._clock()
         self._heard = self._watchdog_ms = 0
         self._driven = self._expired = False

@@ -46,8 +46,7 @@ class BoardEmulator:
     """
 
     boot_text = b""
-    options_type: ClassVar[type[Any]]
-    """Of the ``[board]`` section, the driver's own."""
+    options_type: ClassVar[type[Any]]  # of the ``[board]`` section, the driver's own
 
     def __init__(
         self,
@@ -65,10 +64,8 @@ class BoardEmulator:
         self._random = random.Random(seed)
         self._transport: Transport | None = None
         self._zero = list(geometry.still)
-        self.mute = False
-        """Hears, and never answers."""
-        self.lose_replies = 0
-        """So many answers are lost next."""
+        self.mute = False  # hears, and never answers
+        self.lose_replies = 0  # so many answers are lost next
 
     @classmethod
     def from_options(cls, table: Mapping[str, Any], **around: Unpack[Scene]) -> Self:
@@ -202,18 +199,12 @@ class BoardEmulator:
         return self._random.randbytes(self._random.randint(1, len(data) + 1))
 
 
-STEP = 0.01
-"""[s]"""
-TOP = 3.0
-"""Motors go no faster than so many times the robot's limit."""
-COAST = 0.4
-"""Time constant of a motor that is let go [s]."""
-SERVO = 0.3
-"""From lock to lock a car's servo takes at least so long [s]."""
-UNDERSTEER = 0.5
-"""Of a car, for each 1 of the floor's slip ratio [s^2/m^2]."""
-STILL = 1e-3
-"""Slower wheels stand [rad/s]."""
+STEP = 0.01  # [s]
+TOP = 3.0  # motors go no faster than so many times the robot's limit
+COAST = 0.4  # time constant of a motor that is let go [s]
+SERVO = 0.3  # from lock to lock a car's servo takes at least so long [s]
+UNDERSTEER = 0.5  # of a car, for each 1 of the floor's slip ratio [s^2/m^2]
+STILL = 1e-3  # slower wheels stand [rad/s]
 
 
 class Floor(Protocol):
@@ -240,16 +231,12 @@ class Body:
             TOP * geometry.max_wheel_speed / geometry.wheel_radius * geometry.gear_ratio / math.tau
         )
         self._pose = np.zeros(3)
-        self.command = list(geometry.still)
-        """Set-points of the channels, motor turns per second."""
+        self.command = list(geometry.still)  # set-points of the channels, motor turns per second
         self.driven = [True] * len(self.command)
-        self.ramp = math.inf
-        """How fast the motors approach their set-points [turns/s^2]."""
-        self.speeds = list(geometry.still)
-        """Motor turns per second."""
+        self.ramp = math.inf  # how fast the motors approach their set-points [turns/s^2]
+        self.speeds = list(geometry.still)  # motor turns per second
         self._ramped = list(geometry.still)
-        self.turns = list(geometry.still)
-        """Motor turns since the start."""
+        self.turns = list(geometry.still)  # motor turns since the start
         self.steered = 0.0
         """Where a car's servo is to be, as a share of its largest angle, to the left."""
         self._curvature = 0.0

@@ -24,8 +24,7 @@ EMULATORS = {
     "onboard": "kmpc_lab.emulator.onboard:OnboardEmulator",
 }
 """MODULE:CLASS of the far end of a board's link, by its driver."""
-GPS_NOISE = 0.01
-"""Slow error of an emulated autopilot's position [m], as the real firmware has it."""
+GPS_NOISE = 0.01  # slow error of an emulated autopilot's position [m], as the real firmware has it
 
 
 class Emulator(Protocol):

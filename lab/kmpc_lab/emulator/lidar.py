@@ -49,39 +49,27 @@ if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario
 
 Pose = tuple[float, float, float]
-PERIOD = 0.01
-"""Between two looks at the clock [s]."""
-LONGEST_CATCH_UP = 0.5
-"""After a stall longer than this the lidar has lost that time [s]."""
+PERIOD = 0.01  # between two looks at the clock [s]
+LONGEST_CATCH_UP = 0.5  # after a stall longer than this the lidar has lost that time [s]
 INTENSITY = 200
-WRAP = 30000
-"""Of the time stamp [ms]."""
-A1, FIRMWARE, HARDWARE = 0x18, (29, 1), 7
-"""Model, firmware minor and major, hardware."""
+WRAP = 30000  # of the time stamp [ms]
+A1, FIRMWARE, HARDWARE = 0x18, (29, 1), 7  # model, firmware minor and major, hardware
 QUALITY = 47
 BOOT_TEXT = b"RP LIDAR System.\r\nFirmware Ver 1.29, HW Ver 7\r\n"
-LONGEST = 64
-"""Of a request, with its payload."""
+LONGEST = 64  # of a request, with its payload
 
 
 @dataclass(frozen=True)
 class LidarModel:
     """How good it is, and where it is mounted."""
 
-    rate: float = bounded(0.5, 50.0, "Hz", 10.0)
-    """Turns per second [Hz]."""
-    beams: int = bounded(24, 4096, "", 450)
-    """Of a turn."""
-    reach: float = bounded(0.1, 1000.0, "m", 12.0)
-    """[m]"""
-    noise: float = bounded(0.0, 1.0, "m", 0.01)
-    """Standard deviation of a distance [m]."""
-    dropouts: float = bounded(0.0, 1.0, "", 0.01)
-    """Share of beams that do not come back."""
-    mount: Pose = (0.0, 0.0, 0.0)
-    """Where it is on the robot [m, m, rad]."""
-    mirrored: bool = False
-    """Whether it hangs upside down."""
+    rate: float = bounded(0.5, 50.0, "Hz", 10.0)  # turns per second [Hz]
+    beams: int = bounded(24, 4096, "", 450)  # of a turn
+    reach: float = bounded(0.1, 1000.0, "m", 12.0)  # [m]
+    noise: float = bounded(0.0, 1.0, "m", 0.01)  # standard deviation of a distance [m]
+    dropouts: float = bounded(0.0, 1.0, "", 0.01)  # share of beams that do not come back
+    mount: Pose = (0.0, 0.0, 0.0)  # where it is on the robot [m, m, rad]
+    mirrored: bool = False  # whether it hangs upside down
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -92,18 +80,12 @@ class LidarModel:
 class LidarFaults:
     """What goes wrong; a test sets it while the lidar turns."""
 
-    stuck: bool = False
-    """The motor does not turn."""
-    mute: bool = False
-    """Nothing is sent."""
-    lost: float = 0.0
-    """Share of bytes that are lost on the line."""
-    wrong: float = 0.0
-    """Share of bytes of which a bit is wrong."""
-    garbage: float = 0.0
-    """Random bytes between packets, for each byte of a packet."""
-    covered: bool = False
-    """No beam comes back."""
+    stuck: bool = False  # the motor does not turn
+    mute: bool = False  # nothing is sent
+    lost: float = 0.0  # share of bytes that are lost on the line
+    wrong: float = 0.0  # share of bytes of which a bit is wrong
+    garbage: float = 0.0  # random bytes between packets, for each byte of a packet
+    covered: bool = False  # no beam comes back
 
 
 class LidarEmulator:

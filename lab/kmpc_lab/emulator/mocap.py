@@ -20,18 +20,13 @@ Pose = tuple[float, float, float]
 class MocapOptions:
     """How good it is; the defaults are an ordinary room's."""
 
-    rate: float = bounded(1.0, 1000.0, "Hz", 50.0)
-    """Poses per second [Hz]."""
-    noise: float = bounded(0.0, 1.0, "m", 0.001)
-    """Standard deviation of x and y [m]."""
+    rate: float = bounded(1.0, 1000.0, "Hz", 50.0)  # poses per second [Hz]
+    noise: float = bounded(0.0, 1.0, "m", 0.001)  # standard deviation of x and y [m]
     heading_noise: float = bounded(0.0, 1.0, "rad", 0.002)
     """Standard deviation of the heading [rad]."""
-    delay: float = bounded(0.0, 1.0, "s", 0.01)
-    """From the exposure to our computer [s]."""
-    dropouts: float = bounded(0.0, 10.0, "per s", 0.0)
-    """How often the markers are hidden [1/s]."""
-    hidden: float = bounded(0.0, 10.0, "s", 0.1)
-    """For how long then [s]."""
+    delay: float = bounded(0.0, 1.0, "s", 0.01)  # from the exposure to our computer [s]
+    dropouts: float = bounded(0.0, 10.0, "per s", 0.0)  # how often the markers are hidden [1/s]
+    hidden: float = bounded(0.0, 10.0, "s", 0.1)  # for how long then [s]
 
     def __post_init__(self) -> None:
         """Check the ranges."""

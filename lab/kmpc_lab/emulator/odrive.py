@@ -55,8 +55,7 @@ class ODriveEmulator(BoardEmulator):
         self._register = REGISTERS[0 if firmware == "0.5" else 1]
         self._channel = {options.first_axis: 0, options.second_axis: 1}
         self._lines = Lines()
-        self.line_end = b"\r\n"
-        """Behind a checksum; firmware before 0.5.3 sends none."""
+        self.line_end = b"\r\n"  # behind a checksum; firmware before 0.5.3 sends none
         self.axes = (Axis(), Axis())
         """Registers of axes 0 and 1; set errors to see what the other end does."""
         self._let_go_all()

@@ -23,10 +23,8 @@ from firmware_bridge.drivers.onboard import (
 from firmware_bridge.kinematics import Geometry
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
-LASTS = 0.25
-"""How long speeds hold, since they were asked and since they came [s]."""
-AHEAD = 0.05
-"""What seems to be of a later time by more is not believed [s]."""
+LASTS = 0.25  # how long speeds hold, since they were asked and since they came [s]
+AHEAD = 0.05  # what seems to be of a later time by more is not believed [s]
 DRIVES, NO_GOAL, SOLVED, STOPPED = 0, 1, 0, 3
 
 

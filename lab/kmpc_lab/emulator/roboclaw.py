@@ -67,10 +67,8 @@ class RoboClawEmulator(BoardEmulator):
         self._address = options.address
         self._status_bytes = status_bytes
         self._packets = RoboClawPackets(options.address, WRITES)
-        self.status = 0
-        """Error and warning bits; set them to see what the other end does."""
-        self.timeout = 0
-        """Serial time-out in units of 0.1 s, 0 for none."""
+        self.status = 0  # error and warning bits; set them to see what the other end does
+        self.timeout = 0  # serial time-out in units of 0.1 s, 0 for none
         self._heard = -math.inf
 
     def offset_counts(self, first: int, second: int) -> None:

@@ -12,10 +12,8 @@ from firmware_bridge.odometry import wrapped
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
 WORD = re.compile(r"-?\d{1,10}")
-DELIVERED_WATCHDOG = 1000
-"""`RWD` as delivered [ms]."""
-STOPPING = 0xFF
-"""Any bit of `?FF` stops the motors."""
+DELIVERED_WATCHDOG = 1000  # `RWD` as delivered [ms]
+STOPPING = 0xFF  # any bit of `?FF` stops the motors
 
 
 class RoboteqEmulator(BoardEmulator):
@@ -37,17 +35,13 @@ class RoboteqEmulator(BoardEmulator):
         super().__init__(geometry, **around)
         self._counts_per_turn = options.counts_per_turn
         self._lines = Lines()
-        self.modes = [1, 1]
-        """MMOD of both channels."""
+        self.modes = [1, 1]  # MMOD of both channels
         self._reset()
 
     def _reset(self) -> None:
-        self.faults = 0
-        """Bits of `?FF`; set them to see what the other end does."""
-        self.motor_flags = [0, 0]
-        """Bits of `?FM`."""
-        self.watchdog = DELIVERED_WATCHDOG
-        """RWD [ms], 0 for none."""
+        self.faults = 0  # bits of `?FF`; set them to see what the other end does
+        self.motor_flags = [0, 0]  # bits of `?FM`
+        self.watchdog = DELIVERED_WATCHDOG  # RWD [ms], 0 for none
         self.echo = True
         self._wanted = [0.0, 0.0]
         self._fed = self._clock()

@@ -31,24 +31,17 @@ from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.world import obstacle_gaps, point_gaps
 from kmpc_lite.types import Array
 
-BORDER = 0.5
-"""The map reaches so far beyond the scenario's area [m]."""
-CLOSE = 0.002
-"""A beam ends where an obstacle is nearer than this [m]."""
-STEPS = 80
-"""Steps by which a beam is followed; one that grazes an obstacle takes many."""
+BORDER = 0.5  # the map reaches so far beyond the scenario's area [m]
+CLOSE = 0.002  # a beam ends where an obstacle is nearer than this [m]
+STEPS = 80  # steps by which a beam is followed; one that grazes an obstacle takes many
 OCCUPIED, FREE = 100, 0
-STEP = 0.02
-"""Of the physics, and between two odometry messages [s]."""
+STEP = 0.02  # of the physics, and between two odometry messages [s]
 MOTOR_LAG = 0.05
 BEAMS, FARTHEST, SCAN_EVERY = 360, 8.0, 5
 """Of the scanner at the robot's centre; how far it sees [m]; steps between two scans."""
-LOCALISED_EVERY = 50
-"""Steps between two messages of the localisation."""
-WATCHDOG = 0.5
-"""It stops when it hears no command for so long [s]."""
-BEHIND = 1.0
-"""A simulator that is farther behind does not catch up [s]."""
+LOCALISED_EVERY = 50  # steps between two messages of the localisation
+WATCHDOG = 0.5  # it stops when it hears no command for so long [s]
+BEHIND = 1.0  # a simulator that is farther behind does not catch up [s]
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -56,12 +49,9 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class CellMap(NamedTuple):
     """A map as nav_msgs/OccupancyGrid has it."""
 
-    cells: NDArray[np.int8]
-    """(height, width), the lowest row first."""
-    resolution: float
-    """[m]"""
-    origin: tuple[float, float]
-    """Of the first cell's corner [m]."""
+    cells: NDArray[np.int8]  # (height, width), the lowest row first
+    resolution: float  # [m]
+    origin: tuple[float, float]  # of the first cell's corner [m]
 
 
 class World:
@@ -109,15 +99,12 @@ class World:
 class EmulatedRobot:
     """Which sensors it has, and how it is commanded."""
 
-    sees: tuple[str, ...] = ("map", "scan")
-    """Which topics tell of obstacles."""
-    stamped: bool = False
-    """Whether it listens to TwistStamped."""
+    sees: tuple[str, ...] = ("map", "scan")  # which topics tell of obstacles
+    stamped: bool = False  # whether it listens to TwistStamped
     drifts: bool = False
     """Whether odometry begins at zero, in `odom`, and `amcl_pose` tells where that is; else it is
     that of the map."""
-    simulated_time: bool = False
-    """Whether stamps count from the start, and /clock is published."""
+    simulated_time: bool = False  # whether stamps count from the start, and /clock is published
 
 
 class Ros2Emulator:
@@ -143,12 +130,10 @@ class Ros2Emulator:
         self._pose = np.array(scenario.start, dtype=float)
         self._still = np.zeros(scenario.problem().wheels.inputs)
         self._command, self._heard = self._still, -math.inf
-        self.commands = 0
-        """Number of commands that came."""
+        self.commands = 0  # number of commands that came
         self.clearance = math.inf
         """Least distance between the edges of the robot and the nearest obstacle so far [m]."""
-        self.silent: set[str] = set()
-        """Topics that are not published for now."""
+        self.silent: set[str] = set()  # topics that are not published for now
         self._steps = 0
         self._quit = threading.Event()
         self._thread: threading.Thread | None = None

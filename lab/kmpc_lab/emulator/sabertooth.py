@@ -30,12 +30,9 @@ class SabertoothEmulator(BoardEmulator):
         self._reset()
 
     def _reset(self) -> None:
-        self.timeout = 0.0
-        """Serial time-out [s], 0 for none."""
-        self.bauded = False
-        """Whether the bauding character has come since the start."""
-        self.bad = 0
-        """Bytes skipped as part of no packet."""
+        self.timeout = 0.0  # serial time-out [s], 0 for none
+        self.bauded = False  # whether the bauding character has come since the start
+        self.bad = 0  # bytes skipped as part of no packet
         self._heard = -math.inf
         self._buffer = bytearray()
 

@@ -15,8 +15,7 @@ from kmpc_lab.sim.twin import Twin
 CORRECTION = (1.0, 2.0)
 """Integral gains with which an autopilot brings measured speed and turn rate to what it wants
 [1/s]."""
-LARGEST_CORRECTION = (0.3, 2.0)
-"""[m/s, rad/s]"""
+LARGEST_CORRECTION = (0.3, 2.0)  # [m/s, rad/s]
 
 
 class TwinBody(Body):

@@ -23,14 +23,11 @@ from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
-LARGEST_FILE = 2**30
-"""A longer recording is for other tools [bytes]; it lasts for hours."""
+LARGEST_FILE = 2**30  # a longer recording is for other tools [bytes]; it lasts for hours
 STATUSES = frozenset(status.name for status in PlanStatus)
 PROGRESSES = frozenset(progress.name for progress in GoalProgress)
-ACTIVE = "ACTIVE"
-"""State of the safety gate in which commands pass: a real drive begins with it."""
-SHORTEST = 1e-3
-"""Shortest period of a drive [s]."""
+ACTIVE = "ACTIVE"  # state of the safety gate in which commands pass: a real drive begins with it
+SHORTEST = 1e-3  # shortest period of a drive [s]
 
 
 def load_drive(path: str | os.PathLike[str]) -> Run:
@@ -252,12 +249,9 @@ def _checked_info(info: Any) -> dict[str, Any]:
     return info
 
 
-MOST_STEPS = 500_000
-"""A drive of 14 hours at 10 steps a second."""
-MOST_OTHERS = 4_000_000
-"""Messages of all other kinds together."""
-FARTHEST = 1e6
-"""Largest number of a drive [m, rad, m/s, rad/s, s]."""
+MOST_STEPS = 500_000  # a drive of 14 hours at 10 steps a second
+MOST_OTHERS = 4_000_000  # messages of all other kinds together
+FARTHEST = 1e6  # largest number of a drive [m, rad, m/s, rad/s, s]
 MOST_STAGES, MOST_POINTS, MOST_BEAMS = 1000, 10_000, 100_000
 
 

@@ -48,8 +48,7 @@ def outcome_of(run: Run) -> dict[str, Any]:
     }
 
 
-CHUNK = 0.5
-"""Time that one chunk of the file holds [s]."""
+CHUNK = 0.5  # time that one chunk of the file holds [s]
 
 
 class SimulationRecorder:
@@ -133,8 +132,7 @@ def _is_row(obstacle: Any) -> bool:
     return isinstance(obstacle, Sequence | np.ndarray) and len(obstacle) in (3, 5)
 
 
-RECENT = 200
-"""Steps whose times are shown."""
+RECENT = 200  # steps whose times are shown
 
 
 class WatchedController:
@@ -156,15 +154,12 @@ class WatchedController:
         self._next: float | None = None
         self._steps = 0
         self._command = np.zeros(2)
-        self._sent: Array | None = None
-        """What went to the robot instead of the last plan's command."""
+        self._sent: Array | None = None  # what went to the robot instead of the last plan's command
         self._last: LastStep | None = None
         self._goal: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._times: deque[float] = deque(maxlen=RECENT)
-        self.period = controller.problem.dt
-        """[s]"""
-        self.latched = False
-        """Whether a stop is pressed."""
+        self.period = controller.problem.dt  # [s]
+        self.latched = False  # whether a stop is pressed
         self._enabled = True
 
     def hear(self, word: str) -> None:

@@ -21,10 +21,8 @@ from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
-MOST = 200
-"""Lines of a page; a longer drive has more."""
-APART = 0.5
-"""The same words are said again after this time [s]."""
+MOST = 200  # lines of a page; a longer drive has more
+APART = 0.5  # the same words are said again after this time [s]
 PROGRESS_WORDS = {
     "DRIVING": "drives",
     "HOLDING": "holds its goal",
@@ -36,8 +34,7 @@ PROGRESS_WORDS = {
 class Event(NamedTuple):
     """Something that happened."""
 
-    time: float
-    """[s]"""
+    time: float  # [s]
     words: str
     bad: bool = False
 
@@ -83,18 +80,12 @@ def _gates(details: Details) -> Iterator[Event]:
 class Moments:
     """T instants of a drive."""
 
-    details: Details
-    """What was recorded; of a run without a recording what can be worked out."""
-    poses: Array
-    """(T, 3) where the robot was."""
-    gaps: Array
-    """(T,) clearance to what the scenario holds [m]; infinite without obstacles."""
-    distance: Array
-    """(T,) to the goal [m]."""
-    turn: Array
-    """(T,) heading error to the goal [rad]."""
-    sent: Array
-    """(T, 2) command that was on its way to the robot; NaN if none was."""
+    details: Details  # what was recorded; of a run without a recording what can be worked out
+    poses: Array  # (T, 3) where the robot was
+    gaps: Array  # (T,) clearance to what the scenario holds [m]; infinite without obstacles
+    distance: Array  # (T,) to the goal [m]
+    turn: Array  # (T,) heading error to the goal [rad]
+    sent: Array  # (T, 2) command that was on its way to the robot; NaN if none was
     gate: Array
     """(T,) number of the gate's state in `Details.gates`; -1 before the first, or without."""
 

@@ -40,8 +40,7 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TALLEST, PANEL = 7.0, 1.05
-"""Of a map, and height of each panel below it [in]."""
+TALLEST, PANEL = 7.0, 1.05  # of a map, and height of each panel below it [in]
 STATUS_LOOKS = {
     "FEASIBLE": ("#f5e6b8", "..."),
     "FALLBACK": ("#f2b98c", "///"),
@@ -50,36 +49,24 @@ STATUS_LOOKS = {
 SOLID: dict[str, Any] = {"facecolor": "#a9a9a9", "edgecolor": INK, "linewidth": 0.9, "zorder": 2}
 APART = 0.08
 """Least distance between two outlines of the robot on a map, as a share of its longer side ..."""
-BODIES = 2.4
-"""... and in radii of the robot."""
+BODIES = 2.4  # ... and in radii of the robot.
 Thing = Circle | Polygon | Wall | OccupancyGrid | World
 
 
 class Trace(NamedTuple):
     """What a picture shows of a drive: T periods of S looks."""
 
-    poses: Array
-    """(T S + 1, 3); fewer if it ended within a period."""
-    commands: Array
-    """(T, m)."""
-    statuses: tuple[str, ...]
-    """(T,)."""
-    goal: Array
-    """(3,)."""
-    body: Footprint | float
-    """What the robot covers, or its radius [m]."""
-    around: Sequence[Thing]
-    """What stands there."""
-    dt: float
-    """[s]."""
-    looks: int = 1
-    """S."""
-    gaps: Array | None = None
-    """Clearance at each pose [m]."""
-    step_times: Array | None = None
-    """(T,) [s]."""
-    limits: Sequence[Any] = ()
-    """Least and largest commands (2,), each perhaps None."""
+    poses: Array  # (T S + 1, 3); fewer if it ended within a period
+    commands: Array  # (T, m)
+    statuses: tuple[str, ...]  # (T,)
+    goal: Array  # (3,)
+    body: Footprint | float  # what the robot covers, or its radius [m]
+    around: Sequence[Thing]  # what stands there
+    dt: float  # [s]
+    looks: int = 1  # S
+    gaps: Array | None = None  # clearance at each pose [m]
+    step_times: Array | None = None  # (T,) [s]
+    limits: Sequence[Any] = ()  # least and largest commands (2,), each perhaps None
     bounds: tuple[float, float, float, float] | None = None
     """Of the area: xmin, ymin, xmax, ymax [m]."""
 
@@ -334,12 +321,10 @@ def _capsule(wall: Wall) -> Array:
     return np.concatenate(halves)
 
 
-MOST_POINTS = 4000
-"""Points of a line: more would be drawn upon one another."""
+MOST_POINTS = 4000  # points of a line: more would be drawn upon one another
 WINDOW, LONGEST = 0.3, 3.0
 """Time over which the motion is given [s]; one that lasts so many times as long holds a gap."""
-ARROWS = 24
-"""Headings that are drawn along the path."""
+ARROWS = 24  # headings that are drawn along the path
 
 
 def draw_log(log: Log, file: Path) -> None:

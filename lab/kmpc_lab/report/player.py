@@ -24,17 +24,12 @@ from kmpc_lite.types import Array
 
 FILES = Path(__file__).parent / "page_files"
 SCRIPTS = ("data.js", "sight.js", "map.js", "charts.js", "player.js")
-MOST_MOMENTS = 3000
-"""Instants that a page plays: of a longer drive every so manieth."""
-STAGES, PATH_POINTS = 11, 60
-"""Places of a plan and points of a path that are shown at the most."""
-BUDGET = 900_000
-"""Characters that all of it may take; with less of the instants it takes less."""
-MOST_BOXES = 3000
-"""Rectangles of a grid that are shown."""
+MOST_MOMENTS = 3000  # instants that a page plays: of a longer drive every so manieth
+STAGES, PATH_POINTS = 11, 60  # places of a plan and points of a path that are shown at the most
+BUDGET = 900_000  # characters that all of it may take; with less of the instants it takes less
+MOST_BOXES = 3000  # rectangles of a grid that are shown
 FEWEST = 50
-MOST_PLACES = 1500
-"""Places of a drive that is shown beside another."""
+MOST_PLACES = 1500  # places of a drive that is shown beside another
 
 
 def player_data(run: Run, u_min: Any, u_max: Any, beside: Mapping[str, Run]) -> str:

@@ -39,10 +39,8 @@ Watch = Callable[[float, Array, Any, Plan], None]
 class Period(NamedTuple):
     """What happened in one period."""
 
-    number: int
-    """From 0."""
-    plan: Plan
-    """Whose command was driven."""
+    number: int  # from 0
+    plan: Plan  # whose command was driven
     poses: Array
     """(S, 3) true poses during the period, without the first; the next one begins at the last."""
 
@@ -357,47 +355,31 @@ class Details:
     Times count from the moment in which the first command passed.
     """
 
-    times: Array
-    """(T,) when each step was made, since the first command passed [s]."""
-    poses: Array
-    """(T, 3) pose that each step planned from."""
-    plans: Array
-    """(T, S, 3) states of the plans, `stage_time` apart."""
-    stage_time: float
-    """Time between the stages of a plan [s]."""
-    margins: Array
-    """(T, S) margins that the plans keep at these stages [m]."""
-    commands: Array
-    """(T, 2) commands that the plans begin with."""
+    times: Array  # (T,) when each step was made, since the first command passed [s]
+    poses: Array  # (T, 3) pose that each step planned from
+    plans: Array  # (T, S, 3) states of the plans, `stage_time` apart
+    stage_time: float  # time between the stages of a plan [s]
+    margins: Array  # (T, S) margins that the plans keep at these stages [m]
+    commands: Array  # (T, 2) commands that the plans begin with
     statuses: tuple[str, ...]
     progress: tuple[str, ...]
     reasons: tuple[str, ...]
-    clearances: Array
-    """(T,) clearance of the plans [m]; infinite without obstacles."""
-    pose_ages: Array
-    """(T,) age of each step's pose [s]; NaN if it is not known."""
-    step_times: Array
-    """(T,) time that each step took [s]."""
-    paths: tuple[Array, ...]
-    """Paths (K, 2) that guidance followed [m]."""
-    path_of: Array
-    """(T,) number of each step's path; -1: none."""
-    circles: tuple[Array, ...]
-    """Circles (M, 5) that were seen."""
-    circles_of: Array
-    """(T,) number of those that each step saw; -1: none."""
-    measured: Array
-    """(P, 4) poses as they came: time [s], x, y [m], theta [rad]."""
-    sent: Array
-    """(C, 3) commands that went to the robot: time [s], v [m/s], omega [rad/s]."""
+    clearances: Array  # (T,) clearance of the plans [m]; infinite without obstacles
+    pose_ages: Array  # (T,) age of each step's pose [s]; NaN if it is not known
+    step_times: Array  # (T,) time that each step took [s]
+    paths: tuple[Array, ...]  # paths (K, 2) that guidance followed [m]
+    path_of: Array  # (T,) number of each step's path; -1: none
+    circles: tuple[Array, ...]  # circles (M, 5) that were seen
+    circles_of: Array  # (T,) number of those that each step saw; -1: none
+    measured: Array  # (P, 4) poses as they came: time [s], x, y [m], theta [rad]
+    sent: Array  # (C, 3) commands that went to the robot: time [s], v [m/s], omega [rad/s]
     gates: tuple[tuple[float, str, tuple[str, ...]], ...] = ()
     """Times [s], states of the safety gate, and the reasons for them."""
     health: tuple[tuple[float, Mapping[str, Any]], ...] = ()
     """Times [s], and the state of link and vehicle."""
     notes: tuple[tuple[float, str, bool], ...] = ()
     """Times [s], what was reported, and whether it is bad."""
-    scans: tuple[tuple[float, LaserScan], ...] = ()
-    """Times [s], and what was seen."""
+    scans: tuple[tuple[float, LaserScan], ...] = ()  # times [s], and what was seen
 
     def between(self, begin: float, end: float) -> Details:
         """Give the steps from one time to another [s].

@@ -21,28 +21,21 @@ from kmpc_lite.types import Array
 BOUNDS = (-2.0, -2.0, 2.0, 2.0)
 ROBOT_RADIUS = 0.15
 Random = np.random.Generator
-CELL = 0.05
-"""Side of the cells of the rooms' grid [m]."""
-ROOM = 3.9
-"""Sides of the house, outer walls included [m]."""
+CELL = 0.05  # side of the cells of the rooms' grid [m]
+ROOM = 3.9  # sides of the house, outer walls included [m]
 WALL, DOOR = 0.10, (0.56, 0.75)
 """Thickness of the walls inside, and least and largest width of a door [m]."""
-PASSAGE = 0.1
-"""Distance that the passage keeps beyond the radii [m]."""
-FINE_CELL = 0.02
-"""Side of the cells of the grid on which passages are looked for [m]."""
+PASSAGE = 0.1  # distance that the passage keeps beyond the radii [m]
+FINE_CELL = 0.02  # side of the cells of the grid on which passages are looked for [m]
 ATTEMPTS = 1000
 
 
 class Layout(NamedTuple):
     """One draw; it may well lack a passage."""
 
-    circles: Array
-    """(M, 5) rows x, y, radius, vx, vy."""
-    start: Array
-    """(3,)"""
-    goal: Array
-    """(3,)"""
+    circles: Array  # (M, 5) rows x, y, radius, vx, vy
+    start: Array  # (3,)
+    goal: Array  # (3,)
     polygons: tuple[Polygon, ...] = ()
     walls: tuple[Wall, ...] = ()
     grid: OccupancyGrid | None = None
@@ -179,10 +172,8 @@ class Family:
 
     name: str
     draw: Callable[[Random], Layout]
-    timeout: float = 40.0
-    """[s]"""
-    passage: float = PASSAGE
-    """[m]"""
+    timeout: float = 40.0  # [s]
+    passage: float = PASSAGE  # [m]
 
 
 def has_passage(

@@ -29,12 +29,9 @@ class Walks:
     side: float = 6.0
     start_distance: float = 1.5
 
-    LEG = (1.0, 3.0)
-    """How long an arc is walked [s]."""
-    TURN_RATE = 0.6
-    """Turn rates of arcs are uniform up to this in either direction [rad/s]."""
-    NEAR = 0.3
-    """How near to its place somebody chooses another one [m]."""
+    LEG = (1.0, 3.0)  # how long an arc is walked [s]
+    TURN_RATE = 0.6  # turn rates of arcs are uniform up to this in either direction [rad/s]
+    NEAR = 0.3  # how near to its place somebody chooses another one [m]
 
 
 class Pedestrians:

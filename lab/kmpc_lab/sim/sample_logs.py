@@ -13,8 +13,7 @@ import numpy as np
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.types import Array
 
-PERIOD = 0.1
-"""Between two rows [s]."""
+PERIOD = 0.1  # between two rows [s]
 HEAD = b"\xa3\x95"
 FORMATS = {
     "FMT": (128, "BBnNZ", "Type,Length,Name,Format,Columns"),

@@ -21,8 +21,7 @@ from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.types import Array
 
-UNIT_TURN = math.pi / 4
-"""Fastest turn of the robot that is its own unit [rad/s]: the paper's."""
+UNIT_TURN = math.pi / 4  # fastest turn of the robot that is its own unit [rad/s]: the paper's
 
 
 @dataclass(frozen=True)
@@ -30,40 +29,27 @@ class Robot:
     """A robot as it is drawn or described."""
 
     name: str
-    radius: float = UNIT_RADIUS
-    """Radius [m]."""
-    speed: float = UNIT_SPEED
-    """Largest speed [m/s]."""
-    turn_rate: float = UNIT_TURN
-    """Largest turn rate [rad/s]."""
-    dt: float = 0.1
-    """Control period [s]."""
-    lag: float = 0.0
-    """Time constant of the motors [s]."""
-    dead_time: float = 0.0
-    """Time from a command to the motors' first reaction [s]."""
+    radius: float = UNIT_RADIUS  # radius [m]
+    speed: float = UNIT_SPEED  # largest speed [m/s]
+    turn_rate: float = UNIT_TURN  # largest turn rate [rad/s]
+    dt: float = 0.1  # control period [s]
+    lag: float = 0.0  # time constant of the motors [s]
+    dead_time: float = 0.0  # time from a command to the motors' first reaction [s]
     ramps: tuple[float, float] = (0.0, 0.0)
     """Least time from rest to full speed, and from full speed to rest [s]."""
-    turn_ramp: float | None = None
-    """The same of both for the turn rate; as `ramps` if not given."""
-    slip: float = 0.0
-    """Mean of the slip ratios."""
-    turn_gain: float = 1.0
-    """Share of a commanded turn that happens."""
+    turn_ramp: float | None = None  # the same of both for the turn rate; as `ramps` if not given
+    slip: float = 0.0  # mean of the slip ratios
+    turn_gain: float = 1.0  # share of a commanded turn that happens
     turning_point: tuple[float, float] = (0.0, 0.0)
     """Turning centre, ahead and to the left of the tracked pose [m]."""
-    noise: tuple[float, float] = (0.0, 0.0)
-    """Standard deviation of a measured pose [m, rad]."""
-    reverse: bool = True
-    """Whether it may drive backwards."""
+    noise: tuple[float, float] = (0.0, 0.0)  # standard deviation of a measured pose [m, rad]
+    reverse: bool = True  # whether it may drive backwards
     learned: bool = True
     """Whether it drives with a model learned from its log, or with the nominal one."""
-    seconds: float = 90.0
-    """How long its log is [s]."""
+    seconds: float = 90.0  # how long its log is [s]
     footprint: Footprint | None = None
     """What it covers, where that is no circle of its radius; that is then the size of its map."""
-    horizon: int = 20
-    """Periods that are planned ahead."""
+    horizon: int = 20  # periods that are planned ahead
 
     def ideal(self, start: Array, goal: Array) -> float:
         """Time of the straight line at full speed, and of the turns at both ends [s]."""

@@ -25,10 +25,8 @@ from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-SECONDS = 90.0
-"""How long a log is [s]."""
-HELD = {"car": 1.0, "omni": 0.5}
-"""How long a command of it is held [s]."""
+SECONDS = 90.0  # how long a log is [s]
+HELD = {"car": 1.0, "omni": 0.5}  # how long a command of it is held [s]
 STEERING = ("steering_angle", "curvature", "servo")
 """Columns by one of which a car's log tells how it is steered."""
 
@@ -44,8 +42,7 @@ class Ready(NamedTuple):
     """A robot that was learned."""
 
     model: KoopmanModel
-    problem: NavigationProblem
-    """Its area aside."""
+    problem: NavigationProblem  # its area aside
     plant: Moves
 
 
@@ -56,16 +53,11 @@ class CarRobot:
     name: str
     chassis: Chassis
     footprint: Footprint
-    radius: float
-    """Of the circle about the outline's middle, which is the size of its map [m]."""
-    speed: float
-    """Largest speed [m/s]."""
-    dt: float
-    """Control period [s]."""
-    noise: tuple[float, float]
-    """Standard deviation of a measured pose [m, rad]."""
-    column: str
-    """By which of `STEERING` its log tells how it is steered."""
+    radius: float  # of the circle about the outline's middle, which is the size of its map [m]
+    speed: float  # largest speed [m/s]
+    dt: float  # control period [s]
+    noise: tuple[float, float]  # standard deviation of a measured pose [m, rad]
+    column: str  # by which of `STEERING` its log tells how it is steered
 
     def ideal(self, start: Array, goal: Array) -> float:
         """Time of the shortest curve of Reeds and Shepp at full speed [s]."""
@@ -134,14 +126,10 @@ class OmniRobot:
     name: str
     rollers: Rollers
     footprint: Footprint | None
-    radius: float
-    """Of what it covers [m]."""
-    speeds: tuple[float, float, float]
-    """Largest v_x, v_y [m/s] and omega [rad/s]."""
-    dt: float
-    """Control period [s]."""
-    noise: tuple[float, float]
-    """Standard deviation of a measured pose [m, rad]."""
+    radius: float  # of what it covers [m]
+    speeds: tuple[float, float, float]  # largest v_x, v_y [m/s] and omega [rad/s]
+    dt: float  # control period [s]
+    noise: tuple[float, float]  # standard deviation of a measured pose [m, rad]
 
     def ideal(self, start: Array, goal: Array) -> float:
         """Straight line at full speed ahead, or the turn where that takes longer [s]."""

@@ -6,8 +6,7 @@ from kmpc_lab.studies.study import Axis, Study
 from kmpc_lite.cli.command import positive
 
 OURS, PAPERS = "ours, everything on", "K-NMPC, IPOPT"
-SLIPS = (0.0, 0.01, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
-"""Of the paper's table 1."""
+SLIPS = (0.0, 0.01, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)  # of the paper's table 1
 TABLE_1 = (
     *("NMPC, IPOPT", PAPERS, "ours, paper's formulation", "ours, paper's, integral fit", OURS),
 )

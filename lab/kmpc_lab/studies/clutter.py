@@ -39,29 +39,22 @@ from kmpc_lite.scenario.touch import footprint_gaps
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
-CELL = 0.15
-"""Diameter of a cylinder, and side of a cell [m]."""
-ROWS = 30
-"""Cells along each side of the field."""
+CELL = 0.15  # diameter of a cylinder, and side of a cell [m]
+ROWS = 30  # cells along each side of the field
 FILLS, SMOOTHINGS = (0.15, 0.20, 0.25, 0.30), (2, 3, 4)
 """Parameters of the twelve kinds of field; the public set has 25 of each."""
-YARD = 5.0
-"""Length of the free yard before the field [m]."""
+YARD = 5.0  # length of the free yard before the field [m]
 PASSAGE = 0.34
 """Distance between the robot's middle and cylinders that a way through keeps [m]: it may turn on
 the spot anywhere."""
-GRID = 0.05
-"""Side of the cells on which a way through is looked for [m]."""
+GRID = 0.05  # side of the cells on which a way through is looked for [m]
 ATTEMPTS = 3000
 QUARTER = 0.5 * math.pi
-SQUARE = 10.0
-"""Half of the side of the square in which cylinders move [m]."""
-MOVING_RADIUS = 0.5
-"""Of a moving cylinder [m]."""
+SQUARE = 10.0  # half of the side of the square in which cylinders move [m]
+MOVING_RADIUS = 0.5  # of a moving cylinder [m]
 LEVELS = ((8, (0.3, 0.7), 1), (12, (0.4, 1.0), 2), (16, (0.5, 1.5), 3))
 """Easy, medium, hard: how many, their speeds [m/s], and the order of their curves."""
-SIZE = (0.51, 0.43)
-"""Length and width [m]."""
+SIZE = (0.51, 0.43)  # length and width [m]
 OUTLINE = Footprint.rectangle(*SIZE)
 JACKAL = Robot(
     "Jackal",
@@ -76,12 +69,10 @@ JACKAL = Robot(
     footprint=OUTLINE,
 )
 """Changes its speed by 4.9 m/s^2 and its turn rate by 9.8 rad/s^2."""
-LOG_SEED = 31
-"""Of the log that it is learned from."""
+LOG_SEED = 31  # of the log that it is learned from
 BEAMS, VIEW, REACH, MOUNT = 720, 1.5 * math.pi, 10.0, 0.055
 """Of its lidar: beams, field of view [rad], reach, and how far ahead it sits [m]."""
-FREE = 3.0
-"""How far around it there is nothing where it begins [radii]: a metre."""
+FREE = 3.0  # how far around it there is nothing where it begins [radii]: a metre
 STARTS, ARRIVES, LONGEST = 0.1, 1.0, 100.0
 """Time runs from when it has moved this far [m], until it is this near its goal [m], or for so
 long [s]."""
@@ -109,16 +100,11 @@ class Cylinders:
     name: str
     ways: tuple[Array, ...]
     """Of each cylinder (K, 3) rows time, x, y [s, m], driven again and again; one row: at rest."""
-    radius: float
-    """Of every cylinder [m]."""
-    start: Array
-    """(3,)."""
-    goal: Array
-    """(3,)."""
-    bounds: tuple[float, float, float, float]
-    """xmin, ymin, xmax, ymax of the area [m]."""
-    length: float
-    """Of the way that the metric reckons with [m]."""
+    radius: float  # of every cylinder [m]
+    start: Array  # (3,)
+    goal: Array  # (3,)
+    bounds: tuple[float, float, float, float]  # xmin, ymin, xmax, ymax of the area [m]
+    length: float  # of the way that the metric reckons with [m]
 
     def circles_at(self, time: float) -> Array:
         """Rows x, y, radius, vx, vy (M, 5) at a time [s]."""
@@ -273,16 +259,11 @@ def _curve(random: np.random.Generator, speeds: tuple[float, float], order: int)
 class Condition:
     """How well poses and ranges are measured."""
 
-    place: float
-    """Standard deviation of a pose [m]."""
-    heading: float
-    """Of its heading [rad]."""
-    ranges: float
-    """Of a range [m]."""
-    late: int = 0
-    """Age of poses and scans, which no driver knows [periods]."""
-    drift: float = 0.0
-    """Share by which odometry counts too much of what is driven and turned."""
+    place: float  # standard deviation of a pose [m]
+    heading: float  # of its heading [rad]
+    ranges: float  # of a range [m]
+    late: int = 0  # age of poses and scans, which no driver knows [periods]
+    drift: float = 0.0  # share by which odometry counts too much of what is driven and turned
 
 
 CONDITIONS = {

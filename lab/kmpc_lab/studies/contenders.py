@@ -27,31 +27,24 @@ Form = Literal["full", "paper", "exported", "ipopt", "fatrop", "acados"]
 """Ours with everything on; ours in the paper's formulation (the goal as reference, no learned
 margins), one pass a step; ours with margins as `kmpc export` writes it, all in C; CasADi with IPOPT
 or fatrop; acados."""
-DT = 0.1
-"""Sampling period of all studies [s]."""
-EPISODES, STEPS = 1000, 1000
-"""Drives that the paper learns from, and periods of each."""
-TRAINING_SEED = 1_000
-"""Of training data."""
+DT = 0.1  # sampling period of all studies [s]
+EPISODES, STEPS = 1000, 1000  # drives that the paper learns from, and periods of each
+TRAINING_SEED = 1_000  # of training data
 
 
 @dataclass(frozen=True)
 class Contender:
     """A controller by its label, and what a worker needs to build it: it pickles."""
 
-    label: str
-    """Name in tables and files."""
+    label: str  # name in tables and files
     form: Form = "full"
-    fit: Method | None = "integral"
-    """How studies learn its model; None is the nominal unicycle."""
+    fit: Method | None = "integral"  # how studies learn its model; None is the nominal unicycle
     margin: float = 0.0
     """Distance to keep beyond the radii in a study, instead of the map's own [m]."""
     adaptation: bool | None = None
     """Whether ours adapts its model while driving; its own choice if not given."""
-    solver: str = "osqp"
-    """QP solver of ours, by the name that qpsolvers has for it."""
-    timed: str = "total"
-    """Entry of a plan's timing that benchmarks compare."""
+    solver: str = "osqp"  # QP solver of ours, by the name that qpsolvers has for it
+    timed: str = "total"  # entry of a plan's timing that benchmarks compare
 
     @property
     def missing(self) -> str:
@@ -131,8 +124,7 @@ TABLE_1_CONTENDERS = (
     EVERYTHING,
 )
 """Rows of table 1."""
-STUDY_CONTENDERS = (*TABLE_1_CONTENDERS, UNADAPTED)
-"""All that studies choose from."""
+STUDY_CONTENDERS = (*TABLE_1_CONTENDERS, UNADAPTED)  # all that studies choose from
 PAPER_FORM = Contender("ours, RTI", "paper")
 FULL_STEP = Contender("ours, full step")
 COLD_CONTENDERS = (

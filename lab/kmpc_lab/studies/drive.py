@@ -21,47 +21,34 @@ from kmpc_lite.scenario.touch import footprint_gaps, in_pose
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
-HELD = 1.0
-"""How long the robot must hold its goal [s]."""
+HELD = 1.0  # how long the robot must hold its goal [s]
 SHARES = "stopped", "fallback", "feasible"
-CREEPS = 0.02
-"""Share of its speed below which a robot has no gear."""
+CREEPS = 0.02  # share of its speed below which a robot has no gear
 
 
 @dataclass(frozen=True)
 class DriveResult:
     """What became of one drive."""
 
-    arrived: bool
-    """In pose, and held there."""
+    arrived: bool  # in pose, and held there
     collided: bool
     seconds: float
     """Until it was in pose, and stayed there; of one that never was, all but the time to hold."""
-    ideal_seconds: float
-    """Least time, as its study reckons it [s]."""
-    clearance: float
-    """Least one [m]."""
-    fastest: float
-    """Speed that it was commanded [m/s]."""
+    ideal_seconds: float  # least time, as its study reckons it [s]
+    clearance: float  # least one [m]
+    fastest: float  # speed that it was commanded [m/s]
     gear_changes: int
-    jerk: float
-    """RMS of the change of commands from step to step, as a share of the bounds."""
-    stopped: float
-    """Share of the steps STOPPED, ..."""
+    jerk: float  # RMS of the change of commands from step to step, as a share of the bounds
+    stopped: float  # share of the steps STOPPED, ...
     fallback: float
     feasible: float
-    step_p50: float
-    """Time of a step [ms], median, and ..."""
+    step_p50: float  # time of a step [ms], median, and ...
     step_p99: float
-    ended: str
-    """Progress that was reported at the end, and its reason."""
+    ended: str  # progress that was reported at the end, and its reason
     held_elsewhere: bool = False
-    peer: bool = False
-    """Whether it was driven by something that ours is compared with."""
-    more: Mapping[str, float] = field(default_factory=dict)
-    """What only its study tells."""
-    axes: tuple[str, ...] = ()
-    """Which row of its study's table it belongs to."""
+    peer: bool = False  # whether it was driven by something that ours is compared with
+    more: Mapping[str, float] = field(default_factory=dict)  # what only its study tells
+    axes: tuple[str, ...] = ()  # which row of its study's table it belongs to
     seed: int = 0
     trace: Trace | None = field(default=None, compare=False, repr=False)
     """Of a drive that was not read from a record."""
@@ -81,26 +68,17 @@ class DriveResult:
 class Task:
     """From where, until when, among what."""
 
-    start: Array
-    """(3,)."""
-    goal: Array
-    """(3,)."""
-    there: Callable[[Array], bool]
-    """Whether a true pose (3,) is in pose."""
+    start: Array  # (3,)
+    goal: Array  # (3,)
+    there: Callable[[Array], bool]  # whether a true pose (3,) is in pose
     gaps: Callable[[Array], Array]
     """Distances (n,) of the robot at poses (n, 3) of a period from the nearest obstacle [m]."""
-    ideal: float
-    """Least time, as the study reckons it [s]."""
-    limit: float
-    """Longest time [s]."""
-    full: Array
-    """Largest commands (m,)."""
-    dt: float
-    """Period [s]."""
-    held: float = HELD
-    """How long it must be in pose [s]."""
-    body: Footprint | float = 0.15
-    """As `Trace` has it, and ..."""
+    ideal: float  # least time, as the study reckons it [s]
+    limit: float  # longest time [s]
+    full: Array  # largest commands (m,)
+    dt: float  # period [s]
+    held: float = HELD  # how long it must be in pose [s]
+    body: Footprint | float = 0.15  # as `Trace` has it, and ...
     around: Sequence[Circle | Polygon | Wall | World] = ()
 
 

@@ -14,24 +14,18 @@ from scipy import ndimage
 from kmpc_lab.studies.pursuit import cost_to_go
 from kmpc_lite.types import Array
 
-CELL = 0.05
-"""Side of a cell [m]."""
+CELL = 0.05  # side of a cell [m]
 FORGETS, SURE = 0.97, 1.5
 """Share of what was seen that is left after a period, and how many hits make a cell occupied."""
-AHEAD, STEPS = 0.9, 9
-"""How long arcs are driven ahead [s], and in how many steps."""
-WINDOW = 0.25
-"""How far ahead the speeds of the window lie [s]."""
-RENEWS = 4
-"""Periods after which the way that is left is worked out anew."""
+AHEAD, STEPS = 0.9, 9  # how long arcs are driven ahead [s], and in how many steps
+WINDOW = 0.25  # how far ahead the speeds of the window lie [s]
+RENEWS = 4  # periods after which the way that is left is worked out anew
 NOSE = 0.35
 """Distance ahead of the robot's middle whose way counts, too, so that it faces its way [m]."""
 NEAR, SHY = 0.12, 0.6
 """Clearance below which an arc costs more [m], and how much, in metres of way for each."""
-BACKS = 0.4
-"""Fastest speed backwards [m/s]: out of a dead end."""
-REACTS = 0.15
-"""Time until the robot brakes [s]."""
+BACKS = 0.4  # fastest speed backwards [m/s]: out of a dead end
+REACTS = 0.15  # time until the robot brakes [s]
 
 
 class Dwa:

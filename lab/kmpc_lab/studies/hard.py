@@ -18,10 +18,8 @@ class Hard(NamedTuple):
     """A row."""
 
     drive: Callable[..., DriveResult]
-    asked: tuple[str | float, ...]
-    """What is driven, beside the seed."""
-    wanted: str
-    """What a driver would do."""
+    asked: tuple[str | float, ...]  # what is driven, beside the seed
+    wanted: str  # what a driver would do
 
 
 ROWS = {

@@ -25,12 +25,9 @@ from kmpc_lite.scenario.world import obstacle_gaps
 from kmpc_lite.types import Array
 
 FAMILY = "dense"
-BETWEEN = (2.0, 5.0)
-"""Time from the end of a jump to the next one [s]."""
-LASTS = 1.0
-"""How long a pose stays wrong, where it is not for a single sample [s]."""
-TIMEOUT = 60.0
-"""[s]"""
+BETWEEN = (2.0, 5.0)  # time from the end of a jump to the next one [s]
+LASTS = 1.0  # how long a pose stays wrong, where it is not for a single sample [s]
+TIMEOUT = 60.0  # [s]
 SLIP = 0.05
 COLUMNS = (
     *DRIVES,
@@ -51,8 +48,7 @@ class Jumps:
         self._kind, self._size = kind, size
         self._random = np.random.default_rng([seed, 5])
         self.count = 0
-        self.frame = np.zeros(3)
-        """By how much the frame has moved for good."""
+        self.frame = np.zeros(3)  # by how much the frame has moved for good
         self._off = np.zeros(3)
         self._begin = self._random.uniform(*BETWEEN)
         self._end = math.inf

@@ -35,14 +35,11 @@ ROBOTS = {
     )
 }
 """Speeds, accelerations and turn accelerations."""
-FASTEST_TURN = 2.0
-"""[rad/s]"""
+FASTEST_TURN = 2.0  # [rad/s]
 SIDE, RADIUS = (8.0, 24.0), (0.15, 0.3)
 """Of the field and of the robot [m], up to the next speed and beyond it."""
-QUICK = 2.0
-"""Speed from which on fields and robots are larger [m/s]."""
-APART = 3.0
-"""Least gap between circles [radii of the robot]: it can drive through all of them."""
+QUICK = 2.0  # speed from which on fields and robots are larger [m/s]
+APART = 3.0  # least gap between circles [radii of the robot]: it can drive through all of them
 SLIP = 0.05
 COLUMNS = (*DRIVES, TIME, LOST, FEASIBLE, JERK, GAP, Column("fastest", ".2f", mean_of("fastest")))
 

@@ -33,10 +33,8 @@ from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputH
 from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.scenario.files import Scenario
 
-SETTLE = 1.0
-"""How long a robot must stay within the tolerances for a drive to end [s]."""
-POSE_NOISE = (0.005, 0.005, 0.02)
-"""Of a good motion capture or lidar [m, m, rad]."""
+SETTLE = 1.0  # how long a robot must stay within the tolerances for a drive to end [s]
+POSE_NOISE = (0.005, 0.005, 0.02)  # of a good motion capture or lidar [m, m, rad]
 HISTORY = 2.0
 """How far back a model of a robot that lags looks, in time constants beyond the dead time: older
 commands weigh less than the noise."""
@@ -51,16 +49,12 @@ COLUMNS = *DRIVES, AT_LEAST, SECONDS, STOPPED, GAP
 class Condition:
     """A kind of robot, pose and floor; its model is learned from a log of the same robot."""
 
-    name: str = ""
-    """In scenarios; empty for the paper's robot, which only slips."""
-    lag: float = 0.0
-    """Time constant of the motors [s]."""
-    dead_time: float = 0.0
-    """[s]"""
+    name: str = ""  # in scenarios; empty for the paper's robot, which only slips
+    lag: float = 0.0  # time constant of the motors [s]
+    dead_time: float = 0.0  # [s]
     pose_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Of driving, and of the log [m, m, rad]."""
-    pose_age: float = 0.0
-    """While driving; poses of a log have stamps [s]."""
+    pose_age: float = 0.0  # while driving; poses of a log have stamps [s]
     turning_point: tuple[float, float] = (0.0, 0.0)
     """Where the robot turns on the spot, as seen from its pose: ahead, left [m]."""
 

@@ -22,20 +22,15 @@ from kmpc_lite.model.koopman import nominal_unicycle
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.types import Array
 
-DT = 0.1
-"""Control period [s]."""
+DT = 0.1  # control period [s]
 GAPS = (1.2, 1.25, 1.3, 1.4, 1.5, 1.7, 1.35)
 """Parallel gaps, in lengths of the car; a new one comes last, for a kind's place seeds it."""
-THIN = 0.02
-"""Thickness of walls, in lengths of the car."""
-FAR = 4.0
-"""How far scenes reach, in lengths of the car."""
-TURNED = 0.15
-"""How far the heading at the start may be wrong [rad]."""
+THIN = 0.02  # thickness of walls, in lengths of the car
+FAR = 4.0  # how far scenes reach, in lengths of the car
+TURNED = 0.15  # how far the heading at the start may be wrong [rad]
 MOST_TIMES, MOST = 10.0, 60.0
 """A drive ends after so many times the least time, and so many lengths at full speed."""
-FEW = 3
-"""Changes of gear that are few."""
+FEW = 3  # changes of gear that are few
 STEERS = 0.35 / 0.6
 """Change of a curvature in a second, times a car's length: 0.35 rad/s by wheels 0.6 lengths apart.
 """
@@ -45,22 +40,15 @@ STEERS = 0.35 / 0.6
 class DrawnCar:
     """A car; its pose is at the middle of the rear axle."""
 
-    length: float
-    """[m]"""
-    width: float
-    """[m]"""
-    overhang: float
-    """How far it reaches behind the rear axle [m]."""
-    radius: float
-    """Of the tightest circle of the rear axle [m]."""
-    speed: float
-    """Largest speed in either gear [m/s]."""
+    length: float  # [m]
+    width: float  # [m]
+    overhang: float  # how far it reaches behind the rear axle [m]
+    radius: float  # of the tightest circle of the rear axle [m]
+    speed: float  # largest speed in either gear [m/s]
     steering_rate: float | None
     """Fastest change of the curvature [1/m per second]; at once if not given."""
-    slip: float
-    """Mean of the exponential slip ratios, drawn anew each period."""
-    reverse: bool = True
-    """Whether it may drive backwards."""
+    slip: float  # mean of the exponential slip ratios, drawn anew each period
+    reverse: bool = True  # whether it may drive backwards
 
     @property
     def front(self) -> float:
@@ -137,10 +125,8 @@ class Bicycle:
 class Scene(NamedTuple):
     """From where to where, among what."""
 
-    start: Array
-    """(3,)."""
-    goal: Array
-    """(3,)."""
+    start: Array  # (3,)
+    goal: Array  # (3,)
     solids: list[Polygon | Wall]
 
 

@@ -29,18 +29,13 @@ from kmpc_lite.scenario.touch import ARRIVED, LOOKS
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
-NOISE = 0.01
-"""Of noisy circles, along each axis [m]."""
-STOOD = 1.0
-"""How long a robot must have stood to be walked into [s]."""
-STANDS = 0.01
-"""Within how much of one place [m]."""
+NOISE = 0.01  # of noisy circles, along each axis [m]
+STOOD = 1.0  # how long a robot must have stood to be walked into [s]
+STANDS = 0.01  # within how much of one place [m]
 AT_REST = 1e-3
 """Speed up to which the robot approaches nobody: what is left of a command to stand [m/s]."""
-APART = 0.1
-"""How far apart they must be for the next contact to count [m]."""
-TIMEOUT = 60.0
-"""[s]"""
+APART = 0.1  # how far apart they must be for the next contact to count [m]
+TIMEOUT = 60.0  # [s]
 SLIP = 0.05
 LIDAR = LidarSpec()
 CONTACTS = "driven_into", "met", "walked_into"

@@ -36,12 +36,9 @@ from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.types import Array
 
-Lags = Literal["auto"] | tuple[int, ...] | None
-"""As `fit` takes them."""
-FEWEST = 20
-"""A log of fewer drives is cut into pieces: halves of a few drives say little."""
-PIECE = 5.0
-"""Length of such a piece [s]."""
+Lags = Literal["auto"] | tuple[int, ...] | None  # as `fit` takes them
+FEWEST = 20  # a log of fewer drives is cut into pieces: halves of a few drives say little
+PIECE = 5.0  # length of such a piece [s]
 
 
 def load_drives(log: Path, dt: float) -> Dataset:
@@ -50,16 +47,11 @@ def load_drives(log: Path, dt: float) -> Dataset:
     return data if len(data) >= FEWEST else data.windows(PIECE)
 
 
-SPLIT_SEED = 7200
-"""Of the halves of a log."""
-WINDOW = 1.0
-"""How long residuals are taken from one place of the log [s]."""
-MOTOR_LAG = 0.1
-"""Time constant of motors that a log of measured speeds does not show [s]."""
-AHEAD = 0.5
-"""How far ahead the error is that margins are held against [s]."""
-SPEED_BINS = 4
-"""Groups of windows, by how fast they were driven."""
+SPLIT_SEED = 7200  # of the halves of a log
+WINDOW = 1.0  # how long residuals are taken from one place of the log [s]
+MOTOR_LAG = 0.1  # time constant of motors that a log of measured speeds does not show [s]
+AHEAD = 0.5  # how far ahead the error is that margins are held against [s]
+SPEED_BINS = 4  # groups of windows, by how fast they were driven
 
 
 @dataclass(frozen=True)

@@ -29,23 +29,16 @@ from kmpc_lite.scenario.touch import Tolerance
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
-SIDE = 7.0
-"""Of the area of a robot of `UNIT_RADIUS` [m]."""
-PASSAGE = 0.08
-"""Distance beyond its radius that a way to the goal keeps [m]."""
-THICK = 0.1
-"""Of a wall [m]."""
+SIDE = 7.0  # of the area of a robot of `UNIT_RADIUS` [m]
+PASSAGE = 0.08  # distance beyond its radius that a way to the goal keeps [m]
+THICK = 0.1  # of a wall [m]
 ATTEMPTS = 200
 Random = np.random.Generator
 ROBOTS: dict[str, Robot] = {"standard": STANDARD, KNOWN[0].name: KNOWN[0]}
-NEAR, TURNED = 0.15, 0.1
-"""Tolerances of arrival [radii, rad]."""
-TURNS_WITHIN = 0.1
-"""How near its goal pursuit turns on the spot [radii]."""
-HELD = 0.5
-"""How long the goal must be held [s]."""
-LONGEST = 8.0
-"""Drives end after this many times the time of the straight line, and 40 s."""
+NEAR, TURNED = 0.15, 0.1  # tolerances of arrival [radii, rad]
+TURNS_WITHIN = 0.1  # how near its goal pursuit turns on the spot [radii]
+HELD = 0.5  # how long the goal must be held [s]
+LONGEST = 8.0  # drives end after this many times the time of the straight line, and 40 s
 BACK = 0.2
 """How far a robot must drive back for a change of gear [radii]: less is a turn on the spot."""
 
@@ -56,22 +49,17 @@ class Course:
 
     name: str
     world: World
-    start: Array
-    """(3,)."""
-    goal: Array
-    """(3,)."""
-    side: float
-    """Of the area [m]."""
+    start: Array  # (3,)
+    goal: Array  # (3,)
+    side: float  # of the area [m]
 
 
 @dataclass(frozen=True)
 class Drawn:
     """What a kind of world consists of, for a robot of `UNIT_RADIUS`."""
 
-    circles: Array
-    """(M, 3) rows x, y, radius [m]."""
-    boxes: Array
-    """(B, 4) rows x1, y1, x2, y2 [m]."""
+    circles: Array  # (M, 3) rows x, y, radius [m]
+    boxes: Array  # (B, 4) rows x1, y1, x2, y2 [m]
     start: Array
     goal: Array
 

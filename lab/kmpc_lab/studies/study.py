@@ -26,14 +26,11 @@ from kmpc_lite.reading import open_regular, read_bytes
 if TYPE_CHECKING:
     from kmpc_lab.studies.drive import DriveResult
 
-ANSWER = 10.0
-"""How long a cluster may take to answer, and to have a worker [s]."""
+ANSWER = 10.0  # how long a cluster may take to answer, and to have a worker [s]
 Run = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
 """Calls a function with each tuple of arguments; gives what it returns, as it comes."""
-REPORTING_SEED = 500_000
-"""Seed from which on figures are reported; anything is tuned below it."""
-MAX_BYTES = 2**28
-"""Longest file of records that is read."""
+REPORTING_SEED = 500_000  # seed from which on figures are reported; anything is tuned below it
+MAX_BYTES = 2**28  # longest file of records that is read
 Value = str | float | int
 Asked = tuple[Any, ...]
 """What one drive is of: what the study needs to know, a value of each axis, and a seed."""
@@ -114,12 +111,9 @@ class Axis:
     """What varies in a study."""
 
     values: tuple[Value, ...]
-    text: str
-    """For its help."""
-    usual: tuple[Value, ...] = ()
-    """What is driven if nothing is asked for; all if not given."""
-    others: bool = False
-    """Whether other values of the kind are driven, too."""
+    text: str  # for its help
+    usual: tuple[Value, ...] = ()  # what is driven if nothing is asked for; all if not given
+    others: bool = False  # whether other values of the kind are driven, too
 
     def choose(self, option: str, words: Sequence[str] | None) -> tuple[Value, ...]:
         """Values that are asked for by beginnings or parts of their names, or by their numbers.
@@ -166,13 +160,10 @@ class Study:
     driven and raises `KmpcError` for what is missing, and ``render(rows)`` for a table of its own.
     """
     axes: Mapping[str, Axis]
-    drives: int
-    """Seeds, if nothing else is asked for."""
+    drives: int  # seeds, if nothing else is asked for
     examples: tuple[str, ...]
-    seed: int = REPORTING_SEED
-    """The first of them."""
-    course: str = "map"
-    """What a seed draws."""
+    seed: int = REPORTING_SEED  # the first of them
+    course: str = "map"  # what a seed draws
     versus: tuple[str, str] | None = None
     """Axis, and the value of it whose times the others' are compared with."""
     needs: Mapping[str, tuple[Callable[[str], Any], str]] = field(default_factory=dict)
@@ -226,8 +217,7 @@ def drive_traced(study: Study, asked: Asked) -> DriveResult:
 class Work:
     """How a study runs: what does the work, who hears of it, and where its records stand."""
 
-    run: Run
-    """Of an `executor`."""
+    run: Run  # of an `executor`
     progress: Callable[[int, int], None] = lambda done, total: None
     """Called with results there and results in all."""
     records: str | Path | None = None

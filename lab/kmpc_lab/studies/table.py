@@ -23,10 +23,8 @@ class Column(NamedTuple):
     """A column of a table."""
 
     title: str
-    format: str
-    """Of its numbers: ``.2f``."""
-    of: Callable[[Rows], float]
-    """Its number for the drives of a row."""
+    format: str  # of its numbers: ``.2f``
+    of: Callable[[Rows], float]  # its number for the drives of a row
 
 
 def count_of(name: str) -> Callable[[Rows], float]:

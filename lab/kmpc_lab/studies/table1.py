@@ -44,10 +44,8 @@ PAPER_TABLE_1: dict[str, tuple[PaperCell, ...]] = {
     ),
 }
 """One cell for each slip."""
-ELSEWHERE = " trained at "
-"""Between the slip that is driven at and another one that is learned at."""
-STOP_NORM = 1e-2
-"""The paper's end of a run: ``|x - x_ref|`` over the whole state."""
+ELSEWHERE = " trained at "  # between the slip that is driven at and another one that is learned at
+STOP_NORM = 1e-2  # the paper's end of a run: ``|x - x_ref|`` over the whole state
 
 
 def prepare(values: Sequence[Sequence[object]]) -> None:
@@ -60,8 +58,7 @@ class Block(NamedTuple):
 
     title: str
     ours: Callable[[Rows], str]
-    paper: Callable[[PaperCell], str] | None = None
-    """None if the paper does not tell the figure."""
+    paper: Callable[[PaperCell], str] | None = None  # none if the paper does not tell the figure
 
 
 def drive(label: str, slip: str, map_name: str, seed: int) -> DriveResult:

@@ -7,8 +7,7 @@ import pytest
 from compiled_sketch import compiled
 
 HARNESS = Path(__file__).with_name("kmpc_sketch_harness.cpp")
-TOP = 6000
-"""Counts a second at full power."""
+TOP = 6000  # counts a second at full power
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,7 @@ from kmpc_lab.emulator.vesc import VescEmulator
 
 ROBOT = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=2.0)
 OPTIONS = VescOptions(can_id=5, pole_pairs=7)
-RPM_60 = 7 * 60
-"""ERPM of one motor turn per second."""
+RPM_60 = 7 * 60  # ERPM of one motor turn per second
 
 
 def framed(payload):

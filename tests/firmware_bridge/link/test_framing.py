@@ -28,8 +28,7 @@ from firmware_bridge.link.framing import (
 from kmpc_lab.emulator.roboclaw import WRITES
 from kmpc_lab.emulator.vesc import LAYOUT
 
-NOISE = 200_000
-"""Bytes that each decoder is given."""
+NOISE = 200_000  # bytes that each decoder is given
 
 
 def chunks(data, seed=0, longest=200):

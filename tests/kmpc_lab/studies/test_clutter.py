@@ -11,8 +11,7 @@ from kmpc_lab.studies.clutter import CONDITIONS, SIZE, draw_field, draw_moving, 
 from kmpc_lite.errors import DataError
 from kmpc_lite.model.koopman import nominal_unicycle
 
-YARD = [(-4.575 + 0.15 * k, 0.075) for k in range(31)]
-"""The wall behind the start."""
+YARD = [(-4.575 + 0.15 * k, 0.075) for k in range(31)]  # the wall behind the start
 
 
 @pytest.mark.parametrize("seed", [0, 10, 500_007])

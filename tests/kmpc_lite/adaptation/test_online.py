@@ -201,8 +201,7 @@ def test_an_adapted_model_that_predicts_worse_gives_way_to_the_learned_one():
     assert adaptation.gains == Gains() and adaptation.model is adaptation.base
 
 
-LASTING = [1500, pytest.param(10_000, marks=pytest.mark.long)]
-"""Steps in which nothing happens."""
+LASTING = [1500, pytest.param(10_000, marks=pytest.mark.long)]  # steps in which nothing happens
 
 
 @pytest.mark.parametrize("steps", LASTING)

@@ -14,8 +14,7 @@ from kmpc_lite.types import Array
 
 DT = 0.1
 GOAL = (1.8, 0.0, 0.0)
-NO_STEPS = 12
-"""Steps before the jump: the robot is at full speed."""
+NO_STEPS = 12  # steps before the jump: the robot is at full speed
 
 
 def drive(

@@ -22,8 +22,7 @@ CIRCLES = (
     (0.4, 1.4, 0.15, -0.05, 0.0),
     (-0.3, 0.8, 0.12, 0.0, 0.0),
 )
-PLAIN: dict[str, Any] = {"guidance": False, "tightening": None}
-"""The paper's formulation."""
+PLAIN: dict[str, Any] = {"guidance": False, "tightening": None}  # the paper's formulation
 VARIANTS: dict[str, dict[str, Any]] = {
     "defaults": {},
     "plain": PLAIN,

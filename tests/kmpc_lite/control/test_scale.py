@@ -103,8 +103,7 @@ def test_limits_scale_too(learned: kl.KoopmanModel) -> None:
     np.testing.assert_array_equal(drive(learned, Scale(4.0, 1.0), False, **limits), unit)
 
 
-FAR = 8e3
-"""Within what is believed of a pose [m], but 24,000 units of a robot of 0.05 m."""
+FAR = 8e3  # within what is believed of a pose [m], but 24,000 units of a robot of 0.05 m
 
 
 def small_robot() -> kl.Controller:

@@ -13,8 +13,7 @@ from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 FAMILIES = ("open", "narrow", "moving", "walls", "rooms")
-STEPS, LATER = 60, 16
-"""Of a drive, and how many of them a copy goes on."""
+STEPS, LATER = 60, 16  # of a drive, and how many of them a copy goes on
 
 
 def commands(

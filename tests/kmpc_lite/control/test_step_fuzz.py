@@ -44,8 +44,7 @@ KINDS: tuple[dict[str, Any], ...] = (
     {"problem": kl.NavigationProblem(footprint=LONG, horizon=10)},
     {"options": DENSE},
 )
-LONGEST_STEP = 3.0
-"""Of the processor [s]; a budget counts where a fifth more than it is longer."""
+LONGEST_STEP = 3.0  # of the processor [s]; a budget counts where a fifth more than it is longer
 
 
 class Sender:

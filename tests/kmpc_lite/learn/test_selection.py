@@ -121,8 +121,7 @@ def test_what_does_not_go_with_it_is_refused(options: dict[str, object]) -> None
         kl.fit(data, **{"dictionary": TRIG, "lags": "auto", **options})  # type: ignore[arg-type]
 
 
-BACK = 0.7
-"""Share of a commanded speed that happens in reverse."""
+BACK = 0.7  # share of a commanded speed that happens in reverse
 
 
 def driven(move, steered=False, episodes=12, steps=100, slow=0.0) -> kl.Dataset:

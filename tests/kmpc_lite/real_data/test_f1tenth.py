@@ -14,8 +14,7 @@ LOGS = Path(__file__).parents[4] / "shared" / "data" / "f1tenth"
 pytestmark = pytest.mark.skipif(
     not LOGS.is_dir(), reason="needs the F1/10 logs in ../shared/data/f1tenth"
 )
-WORST = (0.29, 0.24, 0.22)
-"""Errors after 1 s on drive 5 that the fit keeps to [m, m, rad]."""
+WORST = (0.29, 0.24, 0.22)  # errors after 1 s on drive 5 that the fit keeps to [m, m, rad]
 
 
 def drives(*numbers: int, tell=None) -> kl.Dataset:

@@ -31,13 +31,10 @@ MODES = {
 NEED_POSITION = (LOITER, GUIDED)
 SET_POINT_TIMEOUT = 3.0
 """After the last set-point the rover drives on for this long, then brakes, as measured [s]."""
-EMERGENCY, CRITICAL, WARNING, INFO = 0, 2, 4, 6
-"""MAV_SEVERITY"""
+EMERGENCY, CRITICAL, WARNING, INFO = 0, 2, 4, 6  # MAV_SEVERITY
 PREARM_PERIOD = 30.0
-FAILSAFE_PERIOD = 0.1
-"""Between looks at the failsafes [s]."""
-EKF_BAD = 1.0
-"""The EKF fail-safe acts when the position has been bad for this long [s]."""
+FAILSAFE_PERIOD = 0.1  # between looks at the failsafes [s]
+EKF_BAD = 1.0  # the EKF fail-safe acts when the position has been bad for this long [s]
 log = logging.getLogger(__name__)
 
 
@@ -45,14 +42,10 @@ log = logging.getLogger(__name__)
 class Target:
     """A set-point in GUIDED: a speed, with a turn rate or a heading."""
 
-    speed: float
-    """[m/s]"""
-    turn: float | None
-    """Counter-clockwise [rad/s]; None to steer to the heading."""
-    heading: float
-    """[rad], ENU."""
-    uptime: float
-    """When it came [s]."""
+    speed: float  # [m/s]
+    turn: float | None  # counter-clockwise [rad/s]; None to steer to the heading
+    heading: float  # [rad], ENU
+    uptime: float  # when it came [s]
 
 
 @dataclass(frozen=True)
@@ -123,10 +116,8 @@ class Autopilot:
         self._arm_after = arm_after
         self.uptime = 0.0
         self.mode, self.armed = int(parameters["INITIAL_MODE"]), False
-        self.mode_changed = False
-        """Set with every change; whoever tells the ground clears it."""
-        self.texts: deque[tuple[int, str]] = deque(maxlen=32)
-        """What is to be said: severity, text."""
+        self.mode_changed = False  # set with every change; whoever tells the ground clears it
+        self.texts: deque[tuple[int, str]] = deque(maxlen=32)  # what is to be said: severity, text
         self.counters = dict.fromkeys(
             (
                 "set_points",
@@ -145,8 +136,7 @@ class Autopilot:
         self._gcs_silent_since: float | None = None
         self._position_seen = 0.0
         self._prearm_said = self._failsafes_checked = -math.inf
-        self.arming_failure = ""
-        """Set by a test: something that keeps it from arming."""
+        self.arming_failure = ""  # set by a test: something that keeps it from arming
 
     def say(self, severity: int, text: str) -> None:
         """Queue a STATUSTEXT."""

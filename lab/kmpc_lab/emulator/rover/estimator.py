@@ -11,8 +11,7 @@ from collections.abc import Mapping
 
 from kmpc_lab.emulator.rover.physics import RoverPhysics
 
-INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
-"""MAV_PARAM_TYPE"""
+INT8, INT16, INT32, REAL32 = 2, 4, 6, 9  # MAV_PARAM_TYPE
 DEFAULTS: dict[str, tuple[float, int]] = {
     "SYSID_THISMAV": (1, INT16),
     "SYSID_MYGCS": (255, INT16),
@@ -58,19 +57,15 @@ MOTION_CAPTURE = {
 """What to set for a pose from outside."""
 GOOD = 1 | 2 | 4 | 8 | 16 | 32 | 256 | 512
 """EKF_STATUS_REPORT: attitude, velocities, positions and their predictions."""
-LOST = 1 | 4 | 32 | 128
-"""Attitude and height only, horizontal position held constant."""
+LOST = 1 | 4 | 32 | 128  # attitude and height only, horizontal position held constant
 UNINITIALIZED = 1024
-LOOKS_VALID = 7.0
-"""How long the pose looks valid after motion capture has stopped, as measured [s]."""
-FED = 0.25
-"""Motion capture must come at least this often to be taken for the first time [s]."""
+LOOKS_VALID = 7.0  # how long the pose looks valid after motion capture has stopped, as measured [s]
+FED = 0.25  # motion capture must come at least this often to be taken for the first time [s]
 WANDER = 8.0
 """Time constant of the position's slow error [s]: with 1 cm it moves by 1.6 mm in 0.1 s, what a
 model's one-step error on the firmware has more than on an emulator without; the firmware's position
 was 1 to 4 cm off."""
-ORIGIN = (47.3769, 8.5417, 408.0)
-"""Where the GPS is: latitude, longitude [deg], altitude [m]."""
+ORIGIN = (47.3769, 8.5417, 408.0)  # where the GPS is: latitude, longitude [deg], altitude [m]
 
 
 class Parameters:
@@ -133,10 +128,8 @@ class Estimator:
         self._error = (0.0, 0.0)
         self._parameters, self._settled = parameters, settled
         self.origin: tuple[float, float, float] | None = None
-        self.pose = (0.0, 0.0, 0.0)
-        """x, y [m], theta [rad]."""
-        self.broken = False
-        """Set by a test: the filter has lost its position."""
+        self.pose = (0.0, 0.0, 0.0)  # x, y [m], theta [rad]
+        self.broken = False  # set by a test: the filter has lost its position
         self._uptime, self._fed, self._ever = 0.0, -math.inf, False
 
     def vision(self, x: float, y: float, theta: float, uptime: float) -> None:

@@ -22,12 +22,9 @@ OVERSHOOT, OVERSHOOT_TIME = 0.1, 2.0
 TURN_FREQUENCY, TURN_DAMPING = 31.0, 0.3
 """Yaw-rate loop behind the ramp of ATC_STR_ACC_MAX [rad/s, 1], fitted to steps of 0.6 rad/s with
 120 deg/s^2: 0.26, 0.66, 0.98 and 1.02 of the step after 0.1, 0.2, 0.3 and 0.4 s."""
-SUBSTEP = 0.002
-"""Of the lags [s]."""
-STILL = 1e-3
-"""Slower than this stands [m/s, rad/s]."""
-LOCK = math.radians(35.0)
-"""Steering angle at which it drives its tightest circle: SITL's own rover."""
+SUBSTEP = 0.002  # of the lags [s]
+STILL = 1e-3  # slower than this stands [m/s, rad/s]
+LOCK = math.radians(35.0)  # steering angle at which it drives its tightest circle: SITL's own rover
 SLOWEST = 0.1
 """From this speed on it steers in inverse proportion to its speed, if it is tuned [m/s]."""
 
@@ -36,24 +33,18 @@ SLOWEST = 0.1
 class Demand:
     """What the autopilot asks of its loops."""
 
-    speed: float | None = None
-    """[m/s]; None brakes."""
-    turn: float = 0.0
-    """Counter-clockwise [rad/s]."""
+    speed: float | None = None  # [m/s]; None brakes
+    turn: float = 0.0  # counter-clockwise [rad/s]
 
 
 @dataclass(frozen=True)
 class DriveLimits:
     """What the loops may do."""
 
-    acceleration: float
-    """[m/s^2]"""
-    deceleration: float
-    """[m/s^2]"""
-    turn_acceleration: float
-    """[rad/s^2]"""
-    turn: float
-    """[rad/s]"""
+    acceleration: float  # [m/s^2]
+    deceleration: float  # [m/s^2]
+    turn_acceleration: float  # [rad/s^2]
+    turn: float  # [rad/s]
     steering: tuple[float, float, float] = (1.0, 0.2, 0.2)
     """Of steered wheels: MOT_SPD_SCA_BASE [m/s], ATC_STR_RAT_FF and ATC_STR_RAT_P."""
 

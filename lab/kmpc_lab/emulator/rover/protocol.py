@@ -44,10 +44,8 @@ class Protocol:
     ) -> None:
         self._pilot, self._telemetry, self._send, self._system = autopilot, telemetry, send, system
         self._set_up_signing = set_up_signing
-        self.ignored = 0
-        """Messages of kinds that are not emulated."""
-        self.reboot = False
-        """Set where a reboot was asked for and granted."""
+        self.ignored = 0  # messages of kinds that are not emulated
+        self.reboot = False  # set where a reboot was asked for and granted
         self._next_parameter: int | None = None
         self._handlers: dict[str, Callable[[Any], None]] = {
             "HEARTBEAT": self._heartbeat,

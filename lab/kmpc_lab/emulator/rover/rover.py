@@ -23,10 +23,8 @@ from kmpc_lab.emulator.rover.protocol import Protocol
 from kmpc_lab.emulator.rover.telemetry import Telemetry
 
 log = logging.getLogger(__name__)
-CHUNK = 50
-"""Bytes of one STATUSTEXT."""
-LONGEST_CATCH_UP = 1.0
-"""After a stall longer than this the rover has lost that time [s]."""
+CHUNK = 50  # bytes of one STATUSTEXT
+LONGEST_CATCH_UP = 1.0  # after a stall longer than this the rover has lost that time [s]
 
 
 class RoverEmulator:

@@ -20,8 +20,7 @@ CAPABILITIES = (
     | dialect.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
     | dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 )
-FIRMWARE = 4 << 24 | 6 << 16 | 3 << 8 | 255
-"""4.6.3, an official release."""
+FIRMWARE = 4 << 24 | 6 << 16 | 3 << 8 | 255  # 4.6.3, an official release
 SENSORS = (
     dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -32,8 +31,7 @@ SENSORS = (
 )
 GROUPS = {1: (24,), 2: (1, 2), 3: (65,), 4: (36,), 6: (32, 33), 10: (30,), 11: (74,), 12: (193, 2)}
 """REQUEST_DATA_STREAM groups -> message ids."""
-SHARE = 0.8
-"""Part of the main loop's rate that telemetry may come at: 40 Hz of 50, more is denied."""
+SHARE = 0.8  # part of the main loop's rate that telemetry may come at: 40 Hz of 50, more is denied
 
 
 class Telemetry:

@@ -14,8 +14,7 @@ from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.scenario.values import Floor
 from kmpc_lite.types import INPUTS, STATES, Array
 
-FINEST = 0.02
-"""Longest step in which the speeds of lagging motors are held [s]."""
+FINEST = 0.02  # longest step in which the speeds of lagging motors are held [s]
 
 
 class LaggingDrive:

@@ -17,14 +17,10 @@ from kmpc_lite.geometry import exact_arc
 from kmpc_lite.scenario.touch import LOOKS
 from kmpc_lite.types import Array
 
-FINEST = 0.02
-"""Longest step in which a servo's curvature is held [s]."""
-CREEPS = 1e-6
-"""Speed below which a command says nothing of how the wheels are steered [m/s]."""
-SIDEWAYS = 2.0
-"""How many times as much as wheels the rollers of mecanum wheels slip."""
-STANDS = 1e-9
-"""Speed that stands for none [m/s]."""
+FINEST = 0.02  # longest step in which a servo's curvature is held [s]
+CREEPS = 1e-6  # speed below which a command says nothing of how the wheels are steered [m/s]
+SIDEWAYS = 2.0  # how many times as much as wheels the rollers of mecanum wheels slip
+STANDS = 1e-9  # speed that stands for none [m/s]
 
 
 class SteeredDrive:
@@ -113,12 +109,9 @@ class MecanumDrive:
 class Follower:
     """How motors, or motors and a servo, follow what they are asked for, number by number."""
 
-    dead_time: float
-    """Until anything happens [s]."""
-    rates: tuple[float, ...]
-    """Fastest change of each number [1/s]; infinite for none."""
-    lags: tuple[float, ...]
-    """Time constant of each number [s]; 0 for none."""
+    dead_time: float  # until anything happens [s]
+    rates: tuple[float, ...]  # fastest change of each number [1/s]; infinite for none
+    lags: tuple[float, ...]  # time constant of each number [s]; 0 for none
 
 
 class Follows:
@@ -146,20 +139,15 @@ class Follows:
 class Chassis:
     """What a car is like."""
 
-    wheelbase: float
-    """Distance between the axles [m]; its pose is at the middle of the rear one."""
-    lock: float
-    """Largest steering angle [rad]."""
-    follower: Follower
-    """Of speed and steering angle."""
+    wheelbase: float  # distance between the axles [m]; its pose is at the middle of the rear one
+    lock: float  # largest steering angle [rad]
+    follower: Follower  # of speed and steering angle
     gains: tuple[float, float] = (1.0, 1.0)
     """Shares of a commanded speed that happen ahead, and backwards."""
-    understeer: float = 0.0
-    """K of ``omega = v tan(angle) / (wheelbase (1 + K v^2))`` [s^2/m^2]."""
+    understeer: float = 0.0  # K of ``omega = v tan(angle) / (wheelbase (1 + K v^2))`` [s^2/m^2]
     offset: float = 0.0
     """Steering angle in which it drives when it is asked to drive straight [rad]."""
-    slip: float = 0.0
-    """Mean of the exponential slip ratios, drawn anew each period."""
+    slip: float = 0.0  # mean of the exponential slip ratios, drawn anew each period
 
 
 class CarPlant:
@@ -188,12 +176,10 @@ class CarPlant:
 class Rollers:
     """What an omni is like."""
 
-    follower: Follower
-    """Of v_x, v_y and omega."""
+    follower: Follower  # of v_x, v_y and omega
     gains: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     """Shares of what is commanded that happen ahead, backwards, sideways and round."""
-    crosstalk: float = 0.0
-    """How far it turns for each metre that it drives sideways [rad/m]."""
+    crosstalk: float = 0.0  # how far it turns for each metre that it drives sideways [rad/m]
     slip: float = 0.0
     """Mean of the exponential slip ratios, drawn anew each period: twice as much sideways."""
 

@@ -20,8 +20,7 @@ TORQUE, TOP_SPEED = 1.5, 24.0
 """Of a motor that is stalled, at the wheel [N m]; of a wheel without load [rad/s]."""
 GAIN = 0.25
 """Of each motor's velocity loop, whose proportional part is the actuator's own [N m s/rad]."""
-ROTOR = 5e-4
-"""Inertia of rotor and gears at a wheel: 4e-7 kg m^2 behind a gear of 1:34 [kg m^2]."""
+ROTOR = 5e-4  # inertia of rotor and gears at a wheel: 4e-7 kg m^2 behind a gear of 1:34 [kg m^2]
 CORNERS = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
 """Names of the wheels; whether they are in front and on the left."""
 _ROSBOT = """
@@ -44,8 +43,7 @@ _PAIR = """
     <pair name="{name}" geom1="{name}" geom2="floor" condim="4" friction="0.7 0.7 0.007 0 0"/>"""
 _MOTOR = f"""
     <velocity name="{{name}}" joint="{{name}}" kv="{GAIN}" forcerange="-{TORQUE} {TORQUE}"/>"""
-HEIGHT = 0.30
-"""Height of the obstacles [m]."""
+HEIGHT = 0.30  # height of the obstacles [m]
 _ROOM = """<mujoco model="rosbot2">
   <compiler angle="degree" inertiafromgeom="auto"/>
   <!-- the longest step for which halving it changes where the robot comes to by less than 1.5 % -->

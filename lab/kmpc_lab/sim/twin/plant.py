@@ -21,16 +21,13 @@ from kmpc_lite.types import INPUTS, STATES, Array
 
 SERVO_LAG = 0.04
 """First-order lag of the set-point in the motor board: its loop and its speed filter [s]."""
-RESET_TIME = 0.08
-"""Integral time of the motor board's speed loops [s]."""
+RESET_TIME = 0.08  # integral time of the motor board's speed loops [s]
 FLOOR_PERIOD = 8
 """Steps between looks at what is under the wheels, and at the heading: 12 mm at 0.6 m/s."""
-WARM_UP = 120
-"""Steps in which a robot that was put down comes to rest."""
+WARM_UP = 120  # steps in which a robot that was put down comes to rest
 WEIGHT_SPREAD, TYRE_SPREAD = 0.01, 0.005
 """Standard deviations between robots: of where the weight lies [m], of the tyres' radii (share)."""
-SIDES = np.array((0, 1, 0, 1))
-"""Which side of the robot each motor turns."""
+SIDES = np.array((0, 1, 0, 1))  # which side of the robot each motor turns
 
 
 @dataclass(frozen=True)
@@ -42,13 +39,11 @@ class Floor:
     p = 0 and less the larger p is.
     """
 
-    sliding: float
-    """Coefficient of friction."""
+    sliding: float  # coefficient of friction
     patch_radius: float
     """Of the tyre's contact: the moment that resists spinning on the spot is sliding * patch_radius
     * load [m]."""
-    rolling: float
-    """Moment that brakes each wheel, from its axle and from the carpet's pile [N m]."""
+    rolling: float  # moment that brakes each wheel, from its axle and from the carpet's pile [N m]
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -88,8 +83,7 @@ class Ground:
     floor: Floor = FLOORS["tile"]
     changes: tuple[tuple[float, Floor], ...] = ()
     """From these times on [s since the plant began] the whole floor is another one."""
-    patches: tuple[Patch, ...] = field(default=())
-    """Lie on top, whatever the floor."""
+    patches: tuple[Patch, ...] = field(default=())  # lie on top, whatever the floor
 
     def __post_init__(self) -> None:
         """Check the order of the changes."""

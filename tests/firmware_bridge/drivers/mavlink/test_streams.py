@@ -5,8 +5,7 @@ from mavlink_rig import Rig, dialect, other
 from firmware_bridge.drivers.mavlink.commands import CommandDesk
 from firmware_bridge.drivers.mavlink.streams import Stream, StreamRequests
 
-ALL, MAVPROXY_RATE = 0, 4
-"""What MAVProxy asks for every 15 s at its default settings [Hz]."""
+ALL, MAVPROXY_RATE = 0, 4  # what MAVProxy asks for every 15 s at its default settings [Hz]
 
 
 def lower(rig: Rig) -> None:

@@ -13,8 +13,7 @@ from kmpc_lite.control.path.grid_planner import NO_WAY, GridPlanner
 from kmpc_lite.control.path.planner import Path, TimedPath
 
 PROBLEM = kl.NavigationProblem()
-WIDE = 0.06
-"""The clearance that is tried first [m]."""
+WIDE = 0.06  # the clearance that is tried first [m]
 SPEED = np.array([0.6, 0.7])
 ASKED = partial(request, area=math.inf, turn=SPEED[1])
 
