@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control import settings as settings_of
 from kmpc_lite.control.clock import StepClock
-from kmpc_lite.control.estimate.expected_errors import LatenessState
-from kmpc_lite.control.estimate.history import CommandHistory, whole_age
+from kmpc_lite.control.estimate.history import CommandHistory, LatenessState, whole_age
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.limits import check_motion, following, movable
 from kmpc_lite.control.nmpc.qp_solvers import DEFAULT_SOLVER, MakeSolver

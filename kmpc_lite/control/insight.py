@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.nmpc.trajectory import command_windows
+from kmpc_lite.control.nmpc.qp import command_windows
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.types import Array
 

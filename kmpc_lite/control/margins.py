@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.estimate.expected_errors import ExpectedErrors
-from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.estimate.innovation import ExpectedErrors, InnovationState
 from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.records import Noise
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length

@@ -4,11 +4,9 @@ The pipeline holds what follows from problem and options. What a step was given,
 remember and what follows from the model is in `Now`, which every phase gets. All numbers are in the
 robot's units.
 
-A robot that answers late goes on for a while as earlier commands, and the last plan, told it. What
-is decided now acts after that: its path is looked up from there, not from where it is. A reference
-from where it is would lie behind what the robot can do, and ask it to make up for that at full
-speed; one from where it would come to if nothing followed would make a slow robot of one whose
-motors lag.
+A robot that answers late goes on for a while as earlier commands, and the last plan, told it: its
+path is looked up from there. A reference from where it is would ask it to make up for that at full
+speed; one from where it would rest, if nothing followed, would make a slow robot of it.
 """
 
 from __future__ import annotations
@@ -22,13 +20,12 @@ import numpy as np
 
 from kmpc_lite.control.answers import Answers, StandstillWatch
 from kmpc_lite.control.clock import LEAST_AFTER_SOLVE, longest_lately
-from kmpc_lite.control.estimate.expected_errors import Lateness
-from kmpc_lite.control.estimate.history import advance_pose
+from kmpc_lite.control.estimate.history import Lateness, advance_pose
 from kmpc_lite.control.estimate.innovation import Innovation, InnovationState, estimate
 from kmpc_lite.control.kernels.records import VELOCITY, later
 from kmpc_lite.control.limits import RateLimit
+from kmpc_lite.control.nmpc.qp import along, at_rest, one_period_later
 from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
-from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.path.situation import GuideTask

@@ -8,7 +8,7 @@ law). None: the plan must not be driven.
 It holds as far as these are true:
 
 - the model is wrong by less than its margins (`margins.py`), but for how late the robot answers,
-  which is found while it drives (`estimate/expected_errors.py`);
+  which is found while it drives (`estimate/history.py`);
 - circles keep their velocity, or turn for a while, and solids stay until the robot stands; a
   standing robot can still be driven into;
 - the pose is right, and every obstacle that the motion comes to is known: all are given, or those
@@ -38,9 +38,9 @@ from kmpc_lite.control.kernels.records import (
     samples_a_period,
 )
 from kmpc_lite.control.limits import RateLimit
+from kmpc_lite.control.nmpc.qp import Trajectory
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.sqp import SQPResult
-from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.now import Now
 from kmpc_lite.control.options import StepOptions, StopOptions, unit_length
 from kmpc_lite.control.plan import GoalProgress, Plan, PlannedAround, PlanStatus, Task

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.adaptation.steps import AdaptationState
-from kmpc_lite.control.estimate.expected_errors import LatenessState
-from kmpc_lite.control.estimate.history import CommandHistory
+from kmpc_lite.control.estimate.history import CommandHistory, LatenessState
 from kmpc_lite.control.estimate.innovation import InnovationState
-from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.nmpc.qp import Trajectory
 from kmpc_lite.control.world.scene import SceneState
 from kmpc_lite.control.world.tracks import TrackedCircles
 from kmpc_lite.model.koopman import KoopmanModel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.nmpc.qp import Trajectory
 
 PROBLEM = kl.NavigationProblem()
 

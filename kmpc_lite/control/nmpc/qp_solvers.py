@@ -3,9 +3,8 @@
 What qpsolvers knows and has installed sets each problem up anew, so that nothing but the warm start
 passes from solve to solve.
 
-No other file touches OSQP. It reads raw pointers, keeps old data without a word when a bound
-crosses, fills the solution of an infeasible problem with finite garbage and returns NaN for NaN.
-What goes in and what comes out is checked; only its status is believed.
+No other file touches OSQP, which reads raw pointers, keeps old data without a word when a bound
+crosses, and fills the solution of an infeasible problem with finite garbage: all is checked.
 """
 
 from __future__ import annotations

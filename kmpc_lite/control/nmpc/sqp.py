@@ -19,7 +19,7 @@ from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import library
 from kmpc_lite.control.kernels.records import Around, Iterate, KeepOut, PlanMargins
 from kmpc_lite.control.limits import RateLimit
-from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.nmpc.qp import NavigationQP, Trajectory, command_windows
 from kmpc_lite.control.nmpc.qp_solvers import (
     DEFAULT_SOLVER,
     MakeSolver,
@@ -27,7 +27,6 @@ from kmpc_lite.control.nmpc.qp_solvers import (
     QPStatus,
     choose_solver,
 )
-from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.options import OSQPOptions, SolverOptions, StepOptions, fastest, unit_length
 from kmpc_lite.control.plan import Task
 from kmpc_lite.control.problem import NavigationProblem

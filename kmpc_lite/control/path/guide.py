@@ -21,7 +21,7 @@ from kmpc_lite.control.path.capabilities import Capabilities, follows_poses, see
 from kmpc_lite.control.path.field_planner import FieldPlanner
 from kmpc_lite.control.path.grid_planner import GridPlanner
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
-from kmpc_lite.control.path.planner import GRID_STEP, Planner, TimedPath
+from kmpc_lite.control.path.planner import CUSP_REACH, GRID_STEP, Planner, TimedPath
 from kmpc_lite.control.path.progress import content_with, holds
 from kmpc_lite.control.path.replan import Replanner
 from kmpc_lite.control.path.search_driver import STANDS
@@ -43,9 +43,6 @@ from kmpc_lite.types import Array
 
 NEAR_CUSP = 0.075  # distance from a change of gear at which the robot goes on in the other one [m]
 CENTRE_CHANGE = 0.001  # changes of the turning centre below this are ignored [m]
-CUSP_REACH = 0.012
-"""How short of a change of gear a robot that follows poses goes on in the other one: what it is
-beside it, it cannot mend there [m]."""
 ORIGIN = np.zeros(2)
 
 
@@ -96,12 +93,13 @@ class Guide:
         state.age += self._dt
         now = self._surveyor.see(state, capabilities, task)
         self._begin_last_turn(state, now)
-        off = 0.0
+        off, turned = 0.0, False
         if state.path is not None:
             least = state.path.drive_end if state.turning else state.leg
             state.place, off = library.locate(state.path.timed, now.pose, state.place, least)
-            self._change_gear(state, now, state.path)
+            turned = self._change_gear(state, now, state.path)
         refreshed, switched = self._replanner.update(state, now, off)
+        switched = switched or turned
         if state.path is None:
             guidance = self._wait(state, now, refreshed, switched)
         else:
@@ -118,8 +116,13 @@ class Guide:
         if math.hypot(*(now - before)) >= CENTRE_CHANGE:
             state.turning_centre, state.centre_moved = centre, True
 
-    def _change_gear(self, state: GuideState, now: Situation, path: TimedPath) -> None:
-        """Go on to the next leg of a path where the robot has come to a change of its gear."""
+    def _change_gear(self, state: GuideState, now: Situation, path: TimedPath) -> bool:
+        """Go on to the next leg of a path where the robot has come to a change of its gear.
+
+        Whether the last plan is of no more use: it stands there, and linearised at it, what is
+        beside a car would keep it from turning on.
+        """
+        comes = False
         end = leg_end(path.timed, state.leg)
         if end < math.inf:
             (begin, cusp), here = path.at(np.array([state.leg, end])), now.pose
@@ -133,6 +136,7 @@ class Guide:
                 comes = math.dist(cusp[:2], here[:2]) <= reach
             if comes:
                 state.leg = state.place = end
+        return comes and self._by_poses
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""

@@ -4,11 +4,9 @@ A twist is a robot's speed ahead, to the left, and round (3,); held for a time i
 arc, a straight line, or a turn on the spot. The field planner grows its tree by a few of them, and
 connects poses by as many as `connect` gives, one after the other.
 
-Shortest curves of a car that drives either way are the words of Reeds and Shepp: lengths in turning
-radii, at most five segments, each an arc or a straight, driven ahead (length above zero) or
-backwards. J. A. Reeds and L. A. Shepp, "Optimal paths for a car that goes both forwards and
-backwards", Pacific J. Math. 145 (1990); the numbers of its formulas stand beside them. Sizes: n
-ends, W = 52 words.
+A car's shortest curves are the words of Reeds and Shepp ("Optimal paths for a car that goes both
+forwards and backwards", Pacific J. Math. 145, 1990, whose numbers stand beside the formulas): in
+turning radii, at most five segments, driven ahead (above zero) or backwards. Sizes: W = 52 words.
 """
 
 from __future__ import annotations

@@ -326,10 +326,9 @@ FINE_STEP = 0.01  # the same of a car's path [s]
 DECELERATION = 2.0
 """With which a car's path brakes where it ends or its gear changes: motors may lag unknown to the
 model [m/s^2]."""
-GRID_POSES = 20_000
-"""Most poses of one path: the path of a robot that hardly moves would need more than there is
-memory for."""
+GRID_POSES = 20_000  # most poses of one path: a robot that hardly moves would need more than memory
 INSTANT = 1e-9  # time between two poses that are the same [s]: times must grow
+CUSP_REACH = 0.012  # how short of a change of gear one that follows poses goes on in the other [m]
 AT_GOAL = 1e-6  # distance that rounding leaves to the goal [m]
 
 
@@ -358,6 +357,8 @@ class TimedPath:
         by_poses = path.times is not None and bool(gears[1:-1].all())
         if by_poses:
             deceleration = min(deceleration, DECELERATION)
+            path = _beyond_cusps(path)
+            gears = self._gears = path.gears
         poses = path.poses.copy()
         first = float(wrap(poses[1, 2] - poses[0, 2]))
         skipped = min(free_turn, abs(first))
@@ -408,6 +409,27 @@ class TimedPath:
         left[-1:] = True  # none between two poses
         points = np.concatenate([pose[None, :2], self.points[left]])
         return Route(points, self.reverse, self.clearance, lost)
+
+
+def _beyond_cusps(path: Path) -> Path:
+    """A timed path whose legs lead on by as much as the robot stops short of them.
+
+    On an arc it has turned too little there, and where the gear changes again and again, as in a
+    gap that it hardly fits, each leg would add to that.
+    """
+    poses, times, gears = path.poses, np.asarray(path.times), path.gears
+    beyond = 0.75 * CUSP_REACH  # a robot that comes to it in whole periods stops there in the mean
+    cusps = 1 + np.flatnonzero(gears[1:] * gears[:-1] < 0)
+    steps = poses[cusps] - poses[cusps - 1]
+    share = beyond / np.maximum(np.hypot(steps[:, 0], steps[:, 1]), ROUNDING)
+    turns, ahead = share * steps[:, 2], gears[cusps - 1] * beyond
+    middle = poses[cusps, 2] + 0.5 * turns
+    ends = np.stack([ahead * np.cos(middle), ahead * np.sin(middle), turns], axis=1) + poses[cusps]
+    lasts = np.repeat(share * (times[cusps] - times[cusps - 1]), 2)
+    pieces = np.insert(np.diff(times), np.repeat(cusps, 2), lasts)
+    back = np.stack([ends, poses[cusps]], axis=1).reshape(-1, 3)
+    poses = np.insert(poses, np.repeat(cusps + 1, 2), back, axis=0)
+    return replace(path, poses=poses, times=np.append(0.0, np.cumsum(pieces)))
 
 
 def poses_along(geometry: GeometricPath, start: Array, goal: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import Robot, RobotPlant
-from kmpc_lite.control.estimate.expected_errors import Lateness, LatenessState
+from kmpc_lite.control.estimate.history import Lateness, LatenessState
 from kmpc_lite.types import Array
 
 MODEL = kl.nominal_unicycle(0.1)

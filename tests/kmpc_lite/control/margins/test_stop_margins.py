@@ -8,7 +8,7 @@ from wary import CIRCLES, PROBLEM, Wary, slipping
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import NavigationProblem, nominal_unicycle
-from kmpc_lite.control.estimate.expected_errors import UNKNOWN_INFLATION
+from kmpc_lite.control.estimate.innovation import UNKNOWN_INFLATION
 from kmpc_lite.control.margins import UNKNOWN_FLOOR_SLIP
 
 STRANGE = UNKNOWN_INFLATION, UNKNOWN_FLOOR_SLIP
