@@ -239,8 +239,7 @@ STUDIES = {
         ),
         Study(
             "hard",
-            "The rows in which a person at the remote would drive better, each with what is asked "
-            "of it. Fresh seeds make the table anew.",
+            "Rows in which a person at the remote would drive better, and what is asked of each.",
             "hard:drive",
             {
                 "rows": Axis(
@@ -248,9 +247,10 @@ STUDIES = {
                         *("3 m/s, given", "3 m/s, learned", "3 m/s, by sight of 2 m"),
                         *("0.5 m/s^2, untold", "clutter, exact", "clutter, noisy"),
                         *("clutter, late", "clutter, by DWA", "gap of 1.5 lengths"),
-                        *("gap of 1.35 lengths", "cars that turn in a lane", "cars in the open"),
-                        *("cars that only drive ahead", "cars that steer slowly"),
-                        *("omnis sideways into a slot", "omnis through a door"),
+                        *("gap of 1.35 lengths", "cars into bays", "cars that turn in a lane"),
+                        *("cars in the open", "cars that only drive ahead"),
+                        *("cars that steer slowly", "omnis sideways into a slot"),
+                        "omnis through a door",
                         *("8 pedestrians, told", "8 pedestrians, lidar"),
                     ),
                     "by names",

@@ -33,6 +33,7 @@ ROWS = {
     "clutter, by DWA": Hard(clutter.drive, ("field", "exact", "dwa"), "to compare with"),
     "gap of 1.5 lengths": Hard(parking.drive, ("gap 1.5",), FEW),
     "gap of 1.35 lengths": Hard(parking.drive, ("gap 1.35",), FEW),
+    "cars into bays": Hard(parking.drive, ("bay",), FEW),
     "cars that turn in a lane": Hard(parking.drive, ("lane",), "95 % in pose"),
     "cars in the open": Hard(parking.drive, ("open",), "1.3"),
     "cars that only drive ahead": Hard(parking.drive, ("open, forward only",), "all in pose"),
@@ -69,8 +70,7 @@ COLUMNS = (
 
 def drive(name: str, seed: int) -> DriveResult:
     """Drive a course of a row."""
-    row = ROWS[name]
-    return row.drive(*row.asked, seed)
+    return ROWS[name].drive(*ROWS[name].asked, seed)
 
 
 def render(rows: Rows) -> str:
