@@ -27,7 +27,7 @@ seconds = partial(_number, "s")
 """Time of the robot that is its own unit [s]; another one takes `Scale.time` times as long."""
 clock_seconds = partial(_number, "s by the clock")
 """Time by the clock [s], whatever the robot: what hangs on sensors and computers."""
-speed, angle = partial(_number, "m/s"), partial(_number, "rad")
+angle = partial(_number, "rad")
 share = partial(_number, "1")  # ratio of two values of the same unit
 part = partial(_number, "1", most=1.0)  # share from 0 to 1
 probability = partial(_number, "1", zero=False, most=1.0, whole=False)

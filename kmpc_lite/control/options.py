@@ -28,7 +28,6 @@ from kmpc_lite.option_fields import (
     seconds,
     share,
     shares,
-    speed,
     switch,
 )
 from kmpc_lite.scale import UNIT_RADIUS
@@ -302,9 +301,6 @@ class SightOptions:
     blind_time: float = clock_seconds(1.0)
     """How long the robot drives on while scans tell nothing new [s, by the clock: scanners have
     their own pace]; then it stops until they do."""
-    emerging_speed: float = speed(0.0)
-    """Speed at which a pedestrian may step out of what the robot does not see now [m/s]; zero:
-    none does."""
 
     def __post_init__(self) -> None:
         check(self)

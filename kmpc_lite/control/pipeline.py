@@ -249,7 +249,6 @@ class Pipeline:
         self._guiding = Guiding(units, guide)
         self._newest = min(problem.dt / MOTION_TIME, 1.0)
         self._rates, self._lateness = RateLimit(units), Lateness(units, pose_age)
-        self._emerging_speed = options.sight.emerging_speed / scale.speed
         motions = SafeMotions(units, options.stop)
         self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
@@ -330,8 +329,6 @@ class Pipeline:
                 unsure=now.unsure,
                 swerve_time=self._options.stop.swerve_time,
                 known=math.inf if known_range is None else known_range + self._problem.body_radius,
-                emerging_speed=self._emerging_speed,
-                unknown=now.view.unknown if now.view and self._emerging_speed else None,
             ),
             margins=known.margins,
             felt=now.felt,

@@ -2,6 +2,7 @@
 
 import json
 from base64 import b64decode
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -13,15 +14,8 @@ from kmpc_lab.report.player import script
 
 MODEL = kl.nominal_unicycle(0.1)
 LIMITS = {"u_min": (-0.6, -np.pi / 4), "u_max": (0.6, np.pi / 4)}
-FIT = kl.FitReport(
-    1.0,
-    1234,
-    (0.001, 0.002, 0.003),
-    (0.011, 0.012, 0.013),
-    (0.004, 0.005, 0.006),
-    (0.021, 0.022, 0.023),
-    5.55,
-)
+ERRORS = (0.001, 0.002, 0.003), (0.011, 0.012, 0.013), (0.004, 0.005, 0.006), (0.021, 0.022, 0.023)
+TOLD = replace(MODEL, info={"held_out": kl.FitReport(1.0, 1234, *ERRORS, 5.55).as_dict()})
 HOSTILE = "<script>alert(1)</script>\"'& $\\frac{ \udce9"
 
 

@@ -40,6 +40,9 @@ larger or finer one are joined to blocks, which count as occupied where one of t
 STRIP, QUANTUM = 16, 2**17
 """Quanta of a part of what a grid sees; nodes, or points of a line, times edges and circles that
 are looked at in a quantum of a search, 0.2 ms."""
+NODES, SEEN_NODES = 40_000, 12_000
+"""Most nodes, beyond which steps are wider: what memory and a few steps of searching allow; and
+among what scans show, which is looked at anew all the time."""
 FAR = 1e3  # distance from what is farther than this, or not there at all [m]
 
 
@@ -47,7 +50,6 @@ class Extent(NamedTuple):
     """Of a grid."""
 
     step: float  # least distance between neighbours [m]
-    nodes: int  # most nodes: larger maps get wider steps
     around: float
     """Obstacles farther than this from the middle between start and goal make it no larger [m]."""
     border: float = BORDER  # how far it reaches around the outermost of these [m]
@@ -75,7 +77,8 @@ class DistanceGrid:
         low, high = np.maximum(low, request.area[0]), np.minimum(high, request.area[1])
         self.low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
         size = high - self.low
-        self.step = max(extent.step, math.sqrt(float(size.prod()) / extent.nodes))
+        nodes = NODES if request.known is None else SEEN_NODES
+        self.step = max(extent.step, math.sqrt(float(size.prod()) / nodes))
         self.shape = tuple(int(v) for v in np.ceil(size / self.step).astype(int) + 1)
         self._axes = [self.low[i] + self.step * np.arange(self.shape[i]) for i in (0, 1)]
         places = np.empty((*self.shape, 2))

@@ -21,9 +21,9 @@ import numpy as np
 
 from kmpc_lite.control.path.distance_grid import DistanceGrid, Extent, MapFields
 from kmpc_lite.control.path.distance_grid import Ways as Way
-from kmpc_lite.control.path.motions import Motions, motions_of, moved, sampled
+from kmpc_lite.control.path.motions import TINY, Motions, motions_of, moved, sampled
 from kmpc_lite.control.path.planner import Path, PathRequest
-from kmpc_lite.control.path.ways import TINY, Line, OutlineClearance, Piece, Ways
+from kmpc_lite.control.path.ways import Line, OutlineClearance, Piece, Ways
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car, Omni, Wheels
 from kmpc_lite.geometry import nearest_turn
@@ -139,6 +139,15 @@ class PoseTree:
         self._inside = np.insert(self._inside, places, nodes)
         self.count += len(kept)
 
+    def forget(self, node: int) -> None:
+        """Forget a node, and all that it leads on to."""
+        parents, gone = self.parents[: self.count], np.zeros(self.count + 1, dtype=bool)
+        gone[node], count = True, 0  # the root's parent is the last one, which never goes
+        while count < (count := int(np.count_nonzero(gone))):
+            gone[:-1] |= gone[parents]
+        self.costs[: self.count][gone[:-1]] = np.inf
+        self._open[: self.count][gone[:-1]] = False
+
     def line_of(self, node: int) -> Array:
         """Nodes (k,) from one to the goal, which is left out."""
         out = []
@@ -168,7 +177,10 @@ ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 1, 400), (0.03, 4, 400))
 """Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
 one after the other, until there is a path."""
 HALVES = np.array((0.5, 1.0))
-MOST_CELLS = 96  # most cells along either axis of a square: larger areas get larger cells
+CELL = 0.35  # least side of the cells in which the way to the start is looked for [radii]
+DOUBTED = 4.0
+"""How many times its length a way through a cell counts of which only a part may be free: a tree
+that is drawn to a gap in which there is none grows nowhere else."""
 BORDER = 12.0
 """How far a search reaches around start, goal and obstacles, in turning or robot radii."""
 BEND = 0.08  # largest turn between two poses of a path [rad]
@@ -258,13 +270,15 @@ class FieldPlanner:
         request, radius = self._request, self._radius
         arms = float(np.hypot(request.outline[:, 0], request.outline[:, 1]).max())
         border, apart = BORDER * (radius + arms), math.dist(request.start[:2], request.goal[:2])
-        extent = Extent(0.7 * radius, MOST_CELLS**2, 4.0 * border + apart, border)
+        extent = Extent(CELL * radius, 4.0 * border + apart, border)
         grid = DistanceGrid(request, extent, self._maps.of(request.solids, extent.step))
         yield from grid.see(width=8, least=2)
         yield 2 * PART_QUANTA
+        least = radius if arms else radius + self._margin + ATTEMPTS[-1][0] * radius
+        sure, _ = grid.free(least)
         # a cell is free if a point in it may be
-        free = grid.distance >= radius - 0.7 * grid.step
-        ways = Way(free, np.ones(free.shape), grid.step, grid.node(request.start))
+        free = sure | (grid.distance >= radius - 0.7 * grid.step)
+        ways = Way(free, np.where(sure, 1.0, DOUBTED), grid.step, grid.node(request.start))
         self._grid, self._from_start = grid, ways.cost
         self._connects = bool(np.isfinite(ways.cost[grid.node(request.goal)]))
 
@@ -383,10 +397,21 @@ class FieldPlanner:
         price, most = float(other.costs[begin]), self._price - float(other.costs[begin])
         ends = tree.poses[nodes], tree.costs[nodes], tree.gears[nodes]
         for more, way, row in ways.ranked(other.poses[begin], *ends, most, before):
-            way, node = first.then(way), int(nodes[row])
-            if ways.is_clear(request.start, way.then(tree.way_of(node))):
-                self._price, self._best = price + more, (way, node)
+            node, begun = int(nodes[row]), first.then(way)
+            if ways.is_clear(request.start, begun.then(tree.way_of(node))):
+                self._price, self._best = price + more, (begun, node)
                 break
+            if ways.is_clear(other.poses[begin], way):
+                self._forget_unclear(tree, node, 0)
+                self._forget_unclear(other, begin, 1)
+
+    def _forget_unclear(self, tree: PoseTree, node: int, onwards: int) -> None:
+        """Forget what grew by a step of a node's line that is clear at a few places alone."""
+        for k in tree.line_of(node)[::-1].tolist():
+            step = Piece(tree.twists[k : k + 1], tree.times[k : k + 1])
+            if not self._ways.is_clear(tree.poses[tree.parents[k] if onwards else k], step):
+                tree.forget(k)
+                return
 
     def _begin_improving(self) -> None:
         """Take the best path so far; the next parts look for better ways between its poses."""

@@ -41,8 +41,6 @@ UNFIT_COST = 1000.0
 other [s]."""
 NO_WAY = "no passage to the goal is wide enough"
 STEP = 0.5  # least distance between neighbours of the grid [radii]
-NODES = 40_000  # most nodes of the grid: what memory and a few steps of searching allow, ...
-SEEN_NODES = 12_000  # ... and among what scans show, which is looked at anew all the time.
 AROUND = 33.0
 """A way around is looked for first among what lies this far about start and goal, beside their
 distance [radii]."""
@@ -126,7 +124,7 @@ class GridPlanner:
         near = math.dist(request.start[:2], request.goal[:2]) + AROUND * self._unit
         for around in (near, math.inf):
             yield 3
-            extent = Extent(step, NODES if known is None else SEEN_NODES, around)
+            extent = Extent(step, around)
             grid = DistanceGrid(request, extent, fields)
             yield from grid.see()
             for clearance in clearances:

@@ -352,13 +352,12 @@ class TimedPath:
     ) -> None:
         self.clearance = path.clearance
         path = path.between_turns
-        gears = self._gears = path.gears
         # what turns on the spot, or drives sideways, has other pieces
-        by_poses = path.times is not None and bool(gears[1:-1].all())
+        by_poses = path.times is not None and bool(path.gears[1:-1].all())
         if by_poses:
             deceleration = min(deceleration, DECELERATION)
             path = _beyond_cusps(path)
-            gears = self._gears = path.gears
+        gears = self._gears = path.gears
         poses = path.poses.copy()
         first = float(wrap(poses[1, 2] - poses[0, 2]))
         skipped = min(free_turn, abs(first))

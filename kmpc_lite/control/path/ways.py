@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.control.path.capabilities import seen_from
-from kmpc_lite.control.path.motions import Motions, chained, moved, sampled
+from kmpc_lite.control.path.motions import TINY, Motions, chained, moved, sampled
 from kmpc_lite.control.path.planner import PathRequest, distances_around
 from kmpc_lite.types import Array
 
@@ -19,7 +19,6 @@ CHUNK = 4096  # places that are looked at at once: what it needs of memory
 SHOTS, WAYS = 12, 3  # most ways that are looked at at once, and of these to one pose
 FINE = 0.15  # how far what sticks out moves between two places at which a path is looked at [radii]
 MOST_SAMPLES = 160  # most poses at which a way is looked at
-TINY = 1e-9
 
 
 class OutlineClearance:

@@ -182,9 +182,7 @@ class Surroundings:
     that the robot can come to. `perhaps`: (P, 7) what may be walking, and is else known as
     something that stands. `unsure`: (M,) what is not known of the speeds of things; (0,) if all are
     known. `swerve_time`: for how long a moving obstacle may walk in any direction [s]. `known`: how
-    far from the middles of the robot's circles everything is known [m]. `emerging_speed`: at which
-    something may come out of what is not known [m/s]. `unknown`: what scans have not shown to be
-    free, where something may come out of it.
+    far from the middles of the robot's circles everything is known [m].
 
     Attributes: `turning`: (W, 7) what may turn: spreads from where it is, as fast as it can be
     walking.
@@ -198,11 +196,8 @@ class Surroundings:
         unsure: Array = KNOWN,
         swerve_time: float = 0.0,
         known: float = math.inf,
-        emerging_speed: float = 0.0,
-        unknown: Nearby | None = None,
     ) -> None:
-        self.things, self.nearby, self.unknown = things, nearby, unknown
-        self.known, self.emerging_speed = known, emerging_speed
+        self.things, self.nearby, self.known = things, nearby, known
         self.is_empty = not (len(things) or len(perhaps) or nearby) and known == math.inf
         self.turning, straight = NONE, things
         if len(perhaps) or some_move(things) or np.count_nonzero(unsure):
@@ -222,15 +217,12 @@ class Surroundings:
     @property
     def may_turn(self) -> Array:
         """Which of the things that `clearance` measures may turn towards the robot, (K,)."""
-        after = bool(self.nearby) + (self.known < math.inf) + bool(self.unknown)
+        after = bool(self.nearby) + (self.known < math.inf)
         return np.repeat((False, True, False), (len(self.things), len(self.turning), after))
 
     def fastest(self) -> float:
         """Largest speed at which anything may come nearer [m/s]."""
-        walking = np.maximum.reduce(self.turning[:, SPREAD_RATE], initial=0.0)
-        return float(
-            max(walking, self.emerging_speed if self.unknown or self.known < math.inf else 0.0)
-        )
+        return float(np.maximum.reduce(self.turning[:, SPREAD_RATE], initial=0.0))
 
     def clearance(
         self, points: Array, times: Array, here: Array, body: Body | None = None
@@ -251,14 +243,9 @@ class Surroundings:
             moves = points.shape[1] == len(times)
             found.append(least if moves else np.broadcast_to(least, (*shape, 1)))
         if self.known < math.inf:
-            # as the distance from an obstacle all around that comes nearer
-            left = self.known - self.emerging_speed * times
-            away = np.hypot(*np.moveaxis(points - here, -1, 0))
-            found.append((left[:, None] - away)[..., None])
-        if self.unknown:
-            least = self.unknown.least(points.reshape(-1, 2))
-            least = least.reshape(*points.shape[:3], 1) - self.emerging_speed * times[:, None, None]
-            found.append(least)
+            # as the distance from an obstacle all around
+            away = np.broadcast_to(np.hypot(*np.moveaxis(points - here, -1, 0)), shape)
+            found.append((self.known - away)[..., None])
         return found[0] if len(found) == 1 else np.concatenate(found, axis=-1)
 
     def slopes(

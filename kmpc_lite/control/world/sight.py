@@ -74,7 +74,6 @@ class Sight:
             self._inside = problem.footprint.inner_radius
             self._core = problem.footprint.core_radius
         self._area = problem.x_min[:2], problem.x_max[:2]
-        self.emerging = options.emerging_speed / scale.speed
 
     def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
         """Scans in which hits within the robot are not told: its mast, its arm."""
@@ -332,11 +331,6 @@ class View:
         state = here.state[area]
         hits = library.hit_boxes(here.state, here.extent, window, here.place)
         unknown = state <= UNKNOWN
-        if sight.emerging > 0.0:
-            # something may come out of what is not seen now
-            unknown = unknown | ((state == 0) & (here.seen[area] < here.clock - sight.period))
-            away = cell_distances(here, window, sight.footprint, self._pose)
-            unknown &= away > sight.radius + here.cell
         left, bottom = left + here.column, top + here.row
         sides = here.cell * (library.rectangles(unknown) + (left, bottom, left, bottom))
         # a wall is told by few half-planes, noise and all

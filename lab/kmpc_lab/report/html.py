@@ -31,7 +31,6 @@ from kmpc_lab.report.runs import trace_of
 from kmpc_lab.report.style import render, write_picture
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.model.koopman import KoopmanModel
 
 if TYPE_CHECKING:
@@ -52,7 +51,6 @@ def write_report(
     path: str | os.PathLike[str],
     run: Run,
     model: KoopmanModel | None = None,
-    fit_report: FitReport | None = None,
     title: str | None = None,
     command: str | None = None,
     *,
@@ -72,8 +70,6 @@ def write_report(
         What was driven.
     model : KoopmanModel, optional
         What the controller drove with.
-    fit_report : FitReport, optional
-        Held-out errors of the model; what it keeps as ``info["held_out"]`` if not given.
     title : str, optional
         Heading; the outcome in words if not given.
     command : str, optional
@@ -90,7 +86,7 @@ def write_report(
     """
     from markupsafe import Markup
 
-    report = held_out(model) if fit_report is None else fit_report
+    report = held_out(model)
     picture = drive_picture({"": trace_of(run, u_min, u_max)}, clearance_words(run))
     tone, badge = BADGES[run.outcome]
     events = [] if run.details is None else events_of(run.details)

@@ -214,7 +214,10 @@ def round_in_a_lane(car: DrawnCar, random: np.random.Generator) -> Scene:
         Wall(-far, side * half, far, side * half, THIN * length) for side in (-1.0, 1.0)
     ]
     aside = half - 0.5 * car.width - 0.1 * length
-    start = np.array((0.0, random.uniform(-1.0, 1.0) * aside, random.uniform(-TURNED, TURNED)))
+    y, turn = random.uniform(-1.0, 1.0) * aside, random.uniform(-TURNED, TURNED)
+    # a long car that is turned in a narrow lane would stand in its side
+    swung = abs(y) + 0.5 * car.width + car.front * math.sin(abs(turn))
+    start = np.array((0.0, y, turn if swung < half - 0.02 * length else 0.0))
     x = length * random.uniform(-1.5, 1.5)
     goal = np.array((x, random.uniform(-0.5, 0.5) * aside, math.pi))
     return Scene(start, goal, solids)

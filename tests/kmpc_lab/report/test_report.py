@@ -10,7 +10,7 @@ from dataclasses import fields, replace
 import matplotlib
 import numpy as np
 import pytest
-from report_page import FIT, HOSTILE, LIMITS, MODEL, Page, a_run, some
+from report_page import HOSTILE, LIMITS, MODEL, TOLD, Page, a_run, some
 
 import kmpc_lite as kl
 from kmpc_lab import draw_drives, write_report
@@ -20,7 +20,7 @@ from kmpc_lite.scenario.files import Scenario
 @pytest.mark.parametrize("name", some(["blind"], ["empty", "timeout", "collision"]))
 def test_the_report_is_one_file_that_shows_the_numbers(runs, name, tmp_path):
     run = runs[name]
-    write_report(tmp_path / "run.html", run, MODEL, FIT, command="kmpc simulate --seed 3", **LIMITS)
+    write_report(tmp_path / "run.html", run, TOLD, command="kmpc simulate --seed 3", **LIMITS)
     page = Page(tmp_path / "run.html")
     for tag, attributes in page.tags:
         assert tag not in ("link", "iframe", "object", "base")
@@ -103,13 +103,13 @@ def test_what_users_name_is_shown_and_never_run(runs, tmp_path, blank):
 
 def test_the_same_input_gives_the_same_bytes(runs, tmp_path):
     before = dict(matplotlib.rcParams)
-    write_report(tmp_path / "a.html", runs["single"], MODEL, FIT, **LIMITS)
+    write_report(tmp_path / "a.html", runs["single"], TOLD, **LIMITS)
     draw_drives(tmp_path / "a.png", {"a": runs["moving"]})
     assert dict(matplotlib.rcParams) == before
     with matplotlib.rc_context(
         {"font.size": 30, "axes.facecolor": "black", "svg.hashsalt": None, "text.usetex": True}
     ):
-        write_report(tmp_path / "b.html", runs["single"], MODEL, FIT, **LIMITS)
+        write_report(tmp_path / "b.html", runs["single"], TOLD, **LIMITS)
         draw_drives(tmp_path / "b.png", {"a": runs["moving"]})
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

@@ -207,8 +207,6 @@ def test_a_robot_stays_able_to_stop_in_what_it_knows() -> None:
     for known in (0.05, 0.03):
         motion = find(ahead, Surroundings(NOTHING, known=known + radius))
         assert 0.5 * known <= 0.1 * motion.inputs[0, 0] <= known
-    emerging = Surroundings(NOTHING, known=0.07 + radius, emerging_speed=0.3)
-    assert 0.01 <= 0.1 * find(ahead, emerging).inputs[0, 0] <= 0.04
 
 
 @pytest.mark.parametrize("unsure", [0.0, 0.1])

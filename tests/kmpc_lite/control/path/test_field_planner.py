@@ -9,6 +9,7 @@ import pytest
 from path_requests import found, request
 
 import kmpc_lite as kl
+from kmpc_lab.sim.maps import random_map
 from kmpc_lite.control.path.capabilities import follows_poses
 from kmpc_lite.control.path.field_planner import NO_ROOM, NO_WAY, FieldPlanner
 from kmpc_lite.control.path.motions import TURNS, chained, curves, seen_from
@@ -112,6 +113,13 @@ def test_what_cannot_be_reached_is_reported_with_the_reason():
     closed = [kl.Wall(0, -2.5, 0, 2.5, 0.02)]
     for wheels in (CAR, Omni(), Differential()):
         assert search(wheels, request((-1, 0, 0), (1, 0, 0), solids=closed)) == NO_WAY
+
+
+@pytest.mark.parametrize("seed", [8100003, 8200009])
+def test_a_gap_that_is_hardly_too_narrow_holds_no_search_up(seed: int) -> None:
+    drawn, planner = random_map("dense", seed), FieldPlanner(PROBLEM, Omni())
+    planner.begin(request(drawn.start, drawn.goal, [circle[:3] for circle in drawn.circles]))
+    assert planner.advance(3000) < 3000 and isinstance(planner.path(), Path)
 
 
 def test_slices_of_any_length_give_the_same_path():
