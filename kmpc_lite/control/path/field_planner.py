@@ -402,10 +402,10 @@ class FieldPlanner:
                 self._price, self._best = price + more, (begun, node)
                 break
             if ways.is_clear(other.poses[begin], way):
-                self._forget_unclear(tree, node, 0)
-                self._forget_unclear(other, begin, 1)
+                self._forget_unclear(tree, node, False)
+                self._forget_unclear(other, begin, True)
 
-    def _forget_unclear(self, tree: PoseTree, node: int, onwards: int) -> None:
+    def _forget_unclear(self, tree: PoseTree, node: int, onwards: bool) -> None:
         """Forget what grew by a step of a node's line that is clear at a few places alone."""
         for k in tree.line_of(node)[::-1].tolist():
             step = Piece(tree.twists[k : k + 1], tree.times[k : k + 1])

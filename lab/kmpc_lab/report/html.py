@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.report.model_section import fit_section, held_out, made_rows
+from kmpc_lab.report.model_section import fit_section, made_rows
 from kmpc_lab.report.moments import (
     MOST,
     STATUS_WORDS,
@@ -86,7 +86,6 @@ def write_report(
     """
     from markupsafe import Markup
 
-    report = held_out(model)
     picture = drive_picture({"": trace_of(run, u_min, u_max)}, clearance_words(run))
     tone, badge = BADGES[run.outcome]
     events = [] if run.details is None else events_of(run.details)
@@ -106,7 +105,7 @@ def write_report(
         picture=Markup(image(render(picture, "svg"))),
         times_table=Markup(table(_time_rows(run))),
         statuses=Markup(table(_status_rows(run))),
-        fit=Markup(fit_section(model, report)),
+        fit=Markup(fit_section(model)),
         conditions=Markup(table(_conditions(run))),
         toml=run.scenario.to_toml(),
         made=Markup(table(made_rows(run, command))),

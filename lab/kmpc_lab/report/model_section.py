@@ -22,25 +22,14 @@ NOISE_COMMANDS = {"at rest": (0.0, 0.0), "at 0.5 m/s": (0.5, 0.0), "at 0.5 rad/s
 """Commands (v [m/s], omega [rad/s]) for which the model's noise is given."""
 
 
-def held_out(model: KoopmanModel | None) -> FitReport | None:
-    """Held-out errors that `kmpc fit` keeps with the model, where it has all of them."""
-    kept = None if model is None else model.info.get("held_out")
-    names = {field.name for field in fields(FitReport)}
-    if not isinstance(kept, Mapping) or set(kept) != names:
-        return None
-    return FitReport(**kept)
-
-
-def fit_section(model: KoopmanModel | None, report: FitReport | None) -> str:
-    """How the model was made and how well it predicts, or nothing."""
-    if model is None and report is None:
+def fit_section(model: KoopmanModel | None) -> str:
+    """How the model was made, and how well it predicts where `kmpc fit` has kept all of that."""
+    if model is None:
         return ""
-    parts = ["<section>", "<h2>The model</h2>"]
-    if model is not None:
-        parts.append(table(_model_rows(model)))
-    if report is not None:
-        parts.append(_errors_table(report))
-    return "\n".join([*parts, "</section>"])
+    parts, kept = [table(_model_rows(model))], model.info.get("held_out")
+    if isinstance(kept, Mapping) and set(kept) == {field.name for field in fields(FitReport)}:
+        parts.append(_errors_table(FitReport(**kept)))
+    return "\n".join(["<section>", "<h2>The model</h2>", *parts, "</section>"])
 
 
 def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lab.studies.drive import DriveResult, drive_past
+from kmpc_lab.studies.drive import DriveResult, drive_past, gaps_of
 from kmpc_lab.studies.table import DRIVES, GAP, JERK, TIME, Column, Rows, median_of
 from kmpc_lite.control import Controller, Footprint, NavigationProblem, Polygon, Wall
 from kmpc_lite.control.path.motions import TURNS, curves
@@ -214,10 +214,9 @@ def round_in_a_lane(car: DrawnCar, random: np.random.Generator) -> Scene:
         Wall(-far, side * half, far, side * half, THIN * length) for side in (-1.0, 1.0)
     ]
     aside = half - 0.5 * car.width - 0.1 * length
-    y, turn = random.uniform(-1.0, 1.0) * aside, random.uniform(-TURNED, TURNED)
-    # a long car that is turned in a narrow lane would stand in its side
-    swung = abs(y) + 0.5 * car.width + car.front * math.sin(abs(turn))
-    start = np.array((0.0, y, turn if swung < half - 0.02 * length else 0.0))
+    start = np.array((0.0, random.uniform(-1.0, 1.0) * aside, random.uniform(-TURNED, TURNED)))
+    if gaps_of(car.problem(), solids)(start[None])[0] < 0.0:
+        start[2] = 0.0  # a long car that is turned would stand in the side of a narrow lane
     x = length * random.uniform(-1.5, 1.5)
     goal = np.array((x, random.uniform(-0.5, 0.5) * aside, math.pi))
     return Scene(start, goal, solids)
