@@ -38,7 +38,7 @@ MODES = {
     16: "INITIALISING",
 }
 """Custom modes of ArduPilot Rover."""
-HOLD, GUIDED = 4, 15
+HOLD, GUIDED, BOOTING = 4, 15, 16
 PILOT = 0.5
 """A failsafe's text and the HOLD that it chooses come within this time [s]: a HOLD without such a
 text was chosen by a pilot."""
@@ -163,8 +163,8 @@ class Authority:
                 self._finish()
 
     def _begin(self, now: float, greeted: bool) -> None:
-        """Ask for GUIDED once the vehicle has heard us and no failsafe would take it back."""
-        if greeted and now - self._failsafe >= PILOT:
+        """Ask for GUIDED once the vehicle has heard us and neither boot nor failsafe ends it."""
+        if greeted and self.mode != BOOTING and now - self._failsafe >= PILOT:
             self._asked, self.refusal = True, ""
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, GUIDED, now=now, patient=True)
 

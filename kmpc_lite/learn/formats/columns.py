@@ -28,8 +28,8 @@ _WHEEL = "v_{1} {0}_v v{1} cmd_{1} v_{0} v{0} speed_{0} vel_{0} | " + " ".join(
 _TOLD = {
     "t": "time stamp timestamp secs sec seconds time_stamp ts elapsed datetime date_time date "
     "| header_stamp timestamp time",
-    "x": "px tx pos_x x_pos east easting | " + _PLACE.format("x"),
-    "y": "py ty pos_y y_pos north northing | " + _PLACE.format("y"),
+    "x": "px tx pos_x x_pos x_position east easting | " + _PLACE.format("x"),
+    "y": "py ty pos_y y_pos y_position north northing | " + _PLACE.format("y"),
     "theta": "yaw heading psi th phi angle orientation azimuth | theta yaw heading",
     "v": "u_v linear speed velocity vel vx v_x | linear_x lin_vel linear_velocity linear_vel "
     "vel_linear lin_x v motor_speed drive_speed erpm",
@@ -51,6 +51,9 @@ _TOLD = {
 NAMES = {ours: tuple(part.split() for part in told.split("|")) for ours, told in _TOLD.items()}
 """How other tools call a column, in lower case with underscores: whole names, last words of longer
 ones (``pose.pose.position.x``). Those of other robots are added here, in `KNOWN` and in `WAYS`."""
+OWNERS = "robot rover car vehicle agent odom odometry base base_link ekf est true truth gt current "
+OWNED = {f"{owner}_{n}": n for owner in f"{OWNERS}actual".split() for n in ("x", "y")}
+"""Places by whose they are: of several that are there none is better than the others."""
 COMMANDED = ("cmd", "command", "commanded", "target", "setpoint")
 """Words that tell a command from a measured speed, ..."""
 WANTED = (*COMMANDED, "desired", "ref", "reference")
@@ -135,7 +138,8 @@ def find_columns(
             told.append(f"{name} doubled" if same else f"{name} may be {may_be}")
         raise DataError(
             f"{file}: {where}: {' and '.join(told)}; expected {','.join(COLUMNS)}, got "
-            f"{listed(header) or 'nothing'}; --columns {[*missing, *doubled][0]}=NAME tells"
+            f"{listed(header) or 'nothing'}; --columns "
+            f"{' '.join(f'{name}=NAME' for name in dict.fromkeys((*missing, *doubled)))} tells"
         )
     kept = {n: there[n][0] for n in every if n in there}
     units = {n: _unit(file, n, header[k]) for n, k in kept.items() if n not in given}
@@ -173,14 +177,15 @@ def _meant(name: str, columns: Sequence[tuple[int, str]]) -> list[int]:
     told = {k: _plain(theirs, name)[0] for k, theirs in columns}
     is_pose = any(name in way for kind in ("position", "heading") for way in WAYS[kind])
     # then without what tells a command; a goal is no pose
-    for plain in (told, {} if is_pose else {k: _bare(words) for k, words in told.items()}):
+    bare = {k: "_".join(w for w in t.split("_") if w not in WANTED) for k, t in told.items()}
+    for plain in (told, {} if is_pose else bare):
         for alias in (name, *whole):
             if places := [k for k, words in plain.items() if words == alias]:
                 return places
         for ending in endings:
             if places := [k for k, words in plain.items() if f"_{words}".endswith(f"_{ending}")]:
                 return places
-    return []
+    return [k for k, words in told.items() if OWNED.get(words) == name]
 
 
 def _commanded(header: Sequence[str], names: Collection[str]) -> dict[str, int]:
@@ -195,11 +200,6 @@ def _commanded(header: Sequence[str], names: Collection[str]) -> dict[str, int]:
 def _is_commanded(name: str, words: Collection[str] = WANTED) -> bool:
     """Whether a column's name says that it holds a command."""
     return not set(words).isdisjoint(_plain(name)[0].split("_"))
-
-
-def _bare(plain: str) -> str:
-    """A plain name without the words that tell a command."""
-    return "_".join(word for word in plain.split("_") if word not in WANTED)
 
 
 def _plain(theirs: str, name: str = "") -> tuple[str, str]:
