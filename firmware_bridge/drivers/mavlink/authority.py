@@ -38,11 +38,11 @@ MODES = {
     16: "INITIALISING",
 }
 """Custom modes of ArduPilot Rover."""
-HOLD, GUIDED, BOOTING = 4, 15, 16
+HOLD, GUIDED = 4, 15
 PILOT = 0.5
 """A failsafe's text and the HOLD that it chooses come within this time [s]: a HOLD without such a
 text was chosen by a pilot."""
-NOT_GREETED = "the vehicle has accepted nothing from us yet"
+NOT_READY = "waiting until the vehicle accepts our frames and knows where it is"
 OVERRULED = (
     "the autopilot's failsafe chose HOLD before anything was driven: waiting until it clears"
 )
@@ -107,8 +107,11 @@ class Authority:
         return now - self.heard < HEARTBEAT_LOST
 
     def take(self, now: float) -> None:
-        """Ask for GUIDED and arming, as soon as the vehicle accepts our frames."""
-        self.aim, self.refusal = Aim.TAKE, NOT_GREETED
+        """Ask for GUIDED and arming, as soon as the vehicle accepts our frames and has a position.
+
+        What was asked before is undone by its boot, and by the mode switch, which it then reads.
+        """
+        self.aim, self.refusal = Aim.TAKE, NOT_READY
         self._asked, self._guided_seen, self._untouched = False, False, True
         self._lost = -float("inf")
         self._desk.cancel(SET_MODE)
@@ -136,7 +139,7 @@ class Authority:
             self._guided_seen = not taking or self._guided_seen
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, HOLD, now=now, patient=True)
 
-    def on_heartbeat(self, mode: int, armed: bool, now: float, greeted: bool = True) -> None:
+    def on_heartbeat(self, mode: int, armed: bool, now: float, able: bool = True) -> None:
         """Take mode and arming from a HEARTBEAT."""
         ours = self.mode == GUIDED and self.armed and self.aim is Aim.WATCH
         self.mode, self.armed, self.heard = mode, armed, now
@@ -147,13 +150,13 @@ class Authority:
                 self._take_again()
         if armed and mode == GUIDED:
             self.refusal = ""
-        self.tick(now, greeted)
+        self.tick(now, able)
 
-    def tick(self, now: float, greeted: bool = True) -> None:
-        """Take the next step towards the aim; `greeted`: the vehicle accepts our frames."""
+    def tick(self, now: float, able: bool = True) -> None:
+        """Take the next step towards the aim; `able`: see `take`."""
         if self.aim is Aim.TAKE:
             if not self._asked:
-                self._begin(now, greeted)
+                self._begin(now, able)
             else:
                 self._take(now)
         elif self.aim is Aim.RELEASE:
@@ -162,9 +165,9 @@ class Authority:
             if agreed or (self._guided_seen and self.mode not in (GUIDED, HOLD)):
                 self._finish()
 
-    def _begin(self, now: float, greeted: bool) -> None:
-        """Ask for GUIDED once the vehicle has heard us and neither boot nor failsafe ends it."""
-        if greeted and self.mode != BOOTING and now - self._failsafe >= PILOT:
+    def _begin(self, now: float, able: bool) -> None:
+        """Ask for GUIDED once it is of use, and no failsafe would take it back."""
+        if able and now - self._failsafe >= PILOT:
             self._asked, self.refusal = True, ""
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, GUIDED, now=now, patient=True)
 

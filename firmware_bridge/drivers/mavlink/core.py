@@ -25,7 +25,7 @@ from firmware_bridge.drivers.mavlink.commands import (
     MessageBuilder,
 )
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.streams import StreamRequests, wanted_streams
+from firmware_bridge.drivers.mavlink.streams import EKF_STATUS, StreamRequests, wanted_streams
 from firmware_bridge.drivers.mavlink.telemetry import (
     FrameWatch,
     MocapFeed,
@@ -85,12 +85,14 @@ class MavlinkCore:
         self._moved = False
         self._handlers: dict[str, Callable[[Any, float], None]] = {
             "HEARTBEAT": self._on_heartbeat,
-            "LOCAL_POSITION_NED": self._on_position,
-            "ATTITUDE": self._on_attitude,
+            "LOCAL_POSITION_NED": lambda m, now: self._on_pose(self.pose.on_position, m, now),
+            "ATTITUDE": lambda m, now: self._on_pose(self.pose.on_attitude, m, now),
             "EKF_STATUS_REPORT": lambda m, now: self.pose.on_ekf(m.flags, now),
             "COMMAND_ACK": self._on_ack,
             "TIMESYNC": self._on_timesync,
-            "PARAM_VALUE": self._on_param,
+            "PARAM_VALUE": lambda m, now: self.failsafe.on_param(
+                m.param_id, m.param_value, m.param_type, now
+            ),
             "STATUSTEXT": self._on_text,
             "GPS_GLOBAL_ORIGIN": self._on_origin,
         }
@@ -132,14 +134,10 @@ class MavlinkCore:
             self.status_texts.on_armed()
         if message.system_status == CRITICAL:
             self.authority.on_failsafe(now)
-        self.authority.on_heartbeat(message.custom_mode, armed, now, self.greeting.done(now))
+        self.authority.on_heartbeat(message.custom_mode, armed, now, self._able(now))
 
-    def _on_position(self, message: Any, now: float) -> None:
-        self.pose.on_position(message, self.clock.stamp(message.time_boot_ms, now))
-        self.frame.on_clock(self.clock.resets)
-
-    def _on_attitude(self, message: Any, now: float) -> None:
-        self.pose.on_attitude(message, self.clock.stamp(message.time_boot_ms, now))
+    def _on_pose(self, take: Callable[[Any, float], None], message: Any, now: float) -> None:
+        take(message, self.clock.stamp(message.time_boot_ms, now))
         self.frame.on_clock(self.clock.resets)
 
     def _on_ack(self, message: Any, now: float) -> None:
@@ -149,7 +147,12 @@ class MavlinkCore:
             self.greeting.on_answer(now)
         else:
             self._counters["unmatched_acks"] += 1
-        self.authority.tick(now, self.greeting.done(now))
+        self.authority.tick(now, self._able(now))
+
+    def _able(self, now: float) -> bool:
+        """Whether the vehicle accepts our frames and knows where it is."""
+        blind = self.pose.faults(now, self.streams.rate(EKF_STATUS))
+        return self.greeting.done(now) and not blind
 
     def _on_timesync(self, message: Any, now: float) -> None:
         if message.tc1 == 0:
@@ -161,9 +164,6 @@ class MavlinkCore:
             self.frame.on_clock(self.clock.resets)
         else:
             self._counters["unmatched_timesync"] += 1
-
-    def _on_param(self, message: Any, now: float) -> None:
-        self.failsafe.on_param(message.param_id, message.param_value, message.param_type, now)
 
     def _on_text(self, message: Any, now: float) -> None:
         if tells_failsafe(self.status_texts.on_text(message, now)):
@@ -189,7 +189,7 @@ class MavlinkCore:
             if self._is_due("origin", now, ORIGIN_PERIOD):
                 self.mocap.send_origin()
         self.desk.tick(now)
-        self.authority.tick(now, self.greeting.done(now))
+        self.authority.tick(now, self._able(now))
         if self.authority.aim is Aim.RELEASE and self._is_due("zero", now, ZERO_PERIOD):
             self._send(self._build.set_point(0.0, 0.0, now))
 

@@ -286,7 +286,8 @@ def vehicle_status(core: MavlinkCore, now: float, connected: bool) -> LinkStatus
     if core.wrong_vehicle:
         faults.append(core.wrong_vehicle)
     if authority.refusal:
-        faults.append(": ".join((authority.refusal, *_why_not_armed(core, now))))
+        why = core.status_texts.refusals(now) if "arm" in authority.refusal else ()
+        faults.append(": ".join(filter(None, (authority.refusal, "; ".join(why)))))
     faults += core.others.faults(now)
     fresh = authority.fresh(now)
     ready = authority.obeys and fresh and not core.wrong_vehicle
@@ -305,8 +306,3 @@ def vehicle_status(core: MavlinkCore, now: float, connected: bool) -> LinkStatus
         core.counters,
         core.frame.doubt,
     )
-
-
-def _why_not_armed(core: MavlinkCore, now: float) -> tuple[str, ...]:
-    said = core.status_texts.refusals(now) if "arm" in core.authority.refusal else ()
-    return ("; ".join(said),) if said else ()

@@ -149,7 +149,7 @@ class Autopilot:
         if mode not in MODES:
             self.say(WARNING, f"Mode change to {mode} failed: not emulated")
             return False
-        if mode in NEED_POSITION and not self.estimator.position_ok:
+        if self.armed and mode in NEED_POSITION and not self.estimator.position_ok:
             self.say(WARNING, f"Mode change to {MODES[mode]} failed: requires position")
             return False
         self.mode, self.mode_changed, self._target = mode, True, None

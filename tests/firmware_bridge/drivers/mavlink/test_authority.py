@@ -5,7 +5,7 @@ import random
 import pytest
 from mavlink_rig import Rig, dialect
 
-from firmware_bridge.drivers.mavlink.authority import BOOTING, HEARTBEAT_LOST
+from firmware_bridge.drivers.mavlink.authority import HEARTBEAT_LOST
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Action, GateState, Reason
@@ -129,14 +129,13 @@ def test_stop_goes_on_over_a_dead_link_until_it_is_confirmed() -> None:
     rig.until(lambda: not rig.core.stopping, 0.5)
 
 
-def test_a_vehicle_that_boots_is_asked_once_it_has_its_own_mode() -> None:
-    rig = Rig()
-    rig.rover.autopilot.mode = BOOTING  # a mode that is set meanwhile does not outlive the boot
+def test_a_vehicle_that_boots_is_taken_once_it_knows_where_it_is() -> None:
+    rig = Rig(arm_after=20.0)
     rig.core.take(rig.now)
-    rig.run(3.0)
+    rig.run(10.0)
     assert not {176, 400} & {command for command, _, _ in commands(rig)}
-    rig.rover.autopilot.mode = MANUAL
-    rig.until(lambda: rig.ready, 5.0)
+    assert rig.faults[-1].startswith("waiting until the vehicle")
+    rig.until(lambda: rig.ready, 20.0)
 
 
 def test_a_vehicle_that_denies_guided_is_not_asked_for_ever() -> None:
