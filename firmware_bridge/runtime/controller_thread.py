@@ -74,7 +74,7 @@ class SentCommands:
         return predict(state, v, omega, until - state.stamp, vy) if until > state.stamp else state
 
     def mean(self, begin: float, end: float) -> Speeds | None:
-        """Mean command on the wire between two moments [s]; None if none was sent before."""
+        """Mean command on the wire between two moments [s], zero before the first; None if lost."""
         v = omega = vy = 0.0
         until = end
         for sent, (next_v, next_omega, next_vy) in reversed(tuple(self._commands)):
@@ -85,7 +85,7 @@ class SentCommands:
             until = sent
             if sent <= begin:
                 return v, omega, vy
-        return None
+        return None if len(self._commands) == self._commands.maxlen else (v, omega, vy)
 
 
 class Planner:

@@ -27,6 +27,7 @@ def test_the_mean_is_weighed_by_time() -> None:
     assert sent.mean(0.0, 1.0) == pytest.approx((2.5, 0.75, 0.0))
     assert sent.mean(0.25, 1.0) == pytest.approx((3.0, 1.0, 0.0))
     assert sent.mean(0.1, 0.2) == pytest.approx((1.0, 0.0, 0.0))
+    assert sent.mean(-0.5, 0.5) == pytest.approx((1.0, 0.25, 0.0)), "no plan moved it before"
     v, omega, _ = ramp(1.0).mean(0.5, 0.6)  # type: ignore[misc]
     assert (v, omega) == pytest.approx((0.54, 1.08))
 
