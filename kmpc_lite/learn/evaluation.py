@@ -26,17 +26,13 @@ Errors = tuple[float, float, float]
 class FitReport:
     """Held-out prediction errors, root mean square, of a model and of the nominal unicycle."""
 
-    horizon: float
-    """How far ahead the many-step errors look [s]."""
-    starts: int
-    """From how many poses."""
+    horizon: float  # how far ahead the many-step errors look [s]
+    starts: int  # from how many poses
     one_step: Errors
     """Longitudinal [m], lateral [m], heading [rad], one period ahead; in the frame of the true
     starting pose."""
-    multi_step: Errors
-    """The same after `horizon`."""
-    nominal_one_step: Errors
-    """The nominal unicycle, one period ahead."""
+    multi_step: Errors  # the same after `horizon`
+    nominal_one_step: Errors  # of the nominal unicycle, one period ahead
     nominal_multi_step: Errors
     """The nominal unicycle after `horizon`."""
     rmse_percent: float

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
-from math import ceil
+from math import ceil, isclose
 from pathlib import Path
 from typing import Any
 
@@ -277,18 +277,13 @@ def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, An
 
 def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """What differs between two vehicles, in words; what only one of them says does not count."""
-    return [
-        f"{key} {one[key]} and {other[key]}"
-        for key in one
-        if key in other and not _same(one[key], other[key])
-    ]
+    both = [(key, one[key], other[key]) for key in one if key in other]
+    return [f"{key} {a} and {b}" for key, a, b in both if a != b and not _near(a, b)]
 
 
-def _same(one: Any, other: Any) -> bool:
-    """Whether two values are the same; numbers to a thousandth."""
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return abs(one - other) <= 1e-3 * max(abs(one), abs(other))
-    return bool(one == other)
+def _near(*values: Any) -> bool:
+    """Whether two values are numbers that are the same to a thousandth."""
+    return all(isinstance(v, int | float) for v in values) and isclose(*values, rel_tol=1e-3)
 
 
 def _remark(file: Path) -> dict[str, Any] | None:

@@ -10,7 +10,7 @@ fitting without a part of the log costs two small products, not another pass.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -134,11 +134,6 @@ class Selection:
     condition: float = 1.0  # condition number of the position's terms, as columns of length one
     steered: bool = False  # whether the turn's response is that of a car's curvature
 
-    @property
-    def nominal(self) -> bool:
-        """Whether nothing beat the nominal robot."""
-        return all(direction.step == NOMINAL for direction in self.directions)
-
 
 def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int] = ()) -> Selection:
     """Find how late the robot answers, choose slip terms and gains, and fit them.
@@ -148,6 +143,8 @@ def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int]
     that stay those of the nominal robot.
     """
     log = dataset if whole is None else whole
+    if log.steered and _obeys_turn_rates(log):
+        return select(_unsteered(dataset), _unsteered(log), stay)
     limits, m = largest_inputs(dataset.inputs), dataset.commands
     smoothing = tuple(SMOOTHED * most for most in limits)
     found, doubts = {ALONG: AT_ONCE, HEADING: AT_ONCE}, []
@@ -173,19 +170,31 @@ def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int]
     if dataset.steered:
         every = weighed(every, every)
     rows, condition = _fit_rows(every, chooser, chosen)
-    found_by = {"blocks": len(judged.blocks), "windows": fitted.count, "longest": fitted.longest}
     return Selection(
-        smoothing,
-        limits,
-        rows=rows,
-        speed=speed,
-        turn=turn,
-        doubts=tuple(doubts),
-        directions=chosen,
-        condition=condition,
-        steered=dataset.steered,
-        **found_by,
+        *(smoothing, limits, len(judged.blocks), rows, speed, turn, tuple(doubts)),
+        *(fitted.longest, chosen, fitted.count, condition, dataset.steered),
     )
+
+
+def _obeys_turn_rates(log: Dataset) -> bool:
+    """Whether a car turns as it is told to, however fast it is, as behind an autopilot's loop."""
+    free, limits = _unsteered(log), largest_inputs(log.inputs)
+    found = [find_response(data, (axis,)) for data, axis in ((log, 0), (log, 1), (free, 1))]
+    speed, *turns = (f.response if f.sure else AT_ONCE for f in found)
+    longest = min(MOST_HISTORY, max(r.periods(log.dt) for r in (speed, *turns)))
+
+    def errors(data: Dataset, turn: Response) -> Array:
+        smoothing = tuple(SMOOTHED * most for most in limits)
+        judged = _moments(_windows(_thinned(data), longest), speed, turn, smoothing, limits)
+        return squared_errors(judged.heading, nominal_rows().heading)
+
+    by_wheels, as_told = errors(log, turns[0]), errors(free, turns[1])
+    score, blocks = gain_score(by_wheels, as_told, False), len(as_told)
+    return blocks > 2 and score > critical_score(blocks, OF_CARS)
+
+
+def _unsteered(dataset: Dataset) -> Dataset:
+    return Dataset([replace(episode, steered=False) for episode in dataset.episodes])
 
 
 def _windows(dataset: Dataset, longest: int) -> Windows:

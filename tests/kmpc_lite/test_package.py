@@ -99,25 +99,6 @@ def test_no_step_with_a_scan_imports_anything() -> None:
     assert loaded.split() == []
 
 
-@pytest.mark.long
-def test_importing_costs_little_more_than_what_is_needed(tmp_path: Path) -> None:
-    # as where the package is installed: its modules are compiled once
-    kept = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(tmp_path)}
-
-    def seconds(code: str) -> float:
-        """Shortest of several imports [s]."""
-        timed = (
-            f"import time; start = time.perf_counter(); {code}; print(time.perf_counter() - start)"
-        )
-        return min(float(run(timed, **kept)) for _ in range(10))
-
-    needed, ours = seconds(NEEDED), seconds("import kmpc_lite.api")
-    assert ours <= 1.4 * needed, (
-        f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, "
-        "scipy.sparse and osqp"
-    )
-
-
 def test_the_constraints_pin_all_that_the_package_asks_for() -> None:
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     pinned = dict(line.split("==") for line in lines if not line.startswith("#"))

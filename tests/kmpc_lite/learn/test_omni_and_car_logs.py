@@ -59,6 +59,21 @@ def car_rows(wheelbase=0.33, deadman=False):
     return np.array(rows)
 
 
+def test_a_car_behind_an_autopilot_turns_as_it_is_told_while_its_speed_lags(tmp_path):
+    random, pose, driven, rows = np.random.default_rng(3), np.zeros(3), 0.0, []
+    for k in range(1200):
+        if k % 15 == 0:
+            v, bend = random.uniform(-0.5, 1.0), random.uniform(-0.9, 0.9)
+        rows.append((0.1 * k, *pose, v, bend))
+        driven += 0.3 * (v - driven)
+        middle = pose[2] + 0.05 * v * bend
+        pose = pose + 0.1 * np.array((driven * np.cos(middle), driven * np.sin(middle), v * bend))
+    data = load_logs([written(tmp_path, np.array(rows), "curvature")], 0.1)
+    model = kl.fit(data, lags="auto")
+    ours, theirs = (kl.evaluate(m, data, 1.0).multi_step for m in (model, kl.nominal_unicycle(0.1)))
+    assert ours[2] <= 1.05 * theirs[2] and ours[0] < 0.5 * theirs[0]
+
+
 def written(tmp_path, rows, name="steering_angle"):
     file = tmp_path / "car.csv"
     header = f"t,x,y,theta,v,{name}"

@@ -13,7 +13,7 @@ from kmpc_lab.sim.plants.steered import SteeredDrive
 from kmpc_lite.geometry import exact_arc
 from kmpc_lite.learn.lag import AT_ONCE
 from kmpc_lite.learn.regression import symmetric_generator
-from kmpc_lite.learn.selection import select
+from kmpc_lite.learn.selection import NOMINAL, select
 from kmpc_lite.model.dictionary.response import TERMS, ResponseDictionary
 
 TRIG = kl.HermiteTrigDictionary(0)
@@ -103,7 +103,8 @@ def test_how_it_turns_while_it_drives_is_not_told_by_turns_on_the_spot() -> None
 def test_a_log_too_short_for_a_choice_leaves_the_nominal_robot() -> None:
     log = late_log(0.25, 0.1, (0.0, 0.0, 0.0), 0)
     found = select(kl.Dataset(log.windows(2.5).episodes[:2]))
-    assert found.nominal and found.speed == found.turn == AT_ONCE
+    assert {d.step for d in found.directions} == {NOMINAL}
+    assert found.speed == found.turn == AT_ONCE
 
 
 @pytest.mark.parametrize(
