@@ -51,7 +51,7 @@ HEARTBEAT_LOST = 2.5
 """Silence after which the mode is not known any more [s]: of HEARTBEATs at the protocol's 1 Hz, one
 may be lost and the next be late."""
 ENABLE, WATCHED = "FS_GCS_ENABLE", "SYSID_MYGCS"
-PERIOD, TRIES = 1.0, 5  # time between requests [s], and the largest number of them
+PERIOD, TRIES = 1.0, 6  # until the second request [s], then twice as long each time; and how many
 SET_POINT_MESSAGES = frozenset(
     ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
 )
@@ -246,7 +246,7 @@ class GcsFailsafe:
         """Ask for what is missing."""
         if now < self._due or self._tries >= TRIES or self.settled:
             return
-        self._due, self._tries = now + PERIOD, self._tries + 1
+        self._due, self._tries = now + PERIOD * 2.0**self._tries, self._tries + 1
         for name in (ENABLE, WATCHED):
             if name not in self._values:
                 self._read(name)
