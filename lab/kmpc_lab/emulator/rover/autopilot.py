@@ -33,6 +33,7 @@ SET_POINT_TIMEOUT = 3.0
 """After the last set-point the rover drives on for this long, then brakes, as measured [s]."""
 EMERGENCY, CRITICAL, WARNING, INFO = 0, 2, 4, 6  # MAV_SEVERITY
 PREARM_PERIOD = 30.0
+SWITCH_READ = 0.4  # when after boot the mode switch is read, whatever was set until then [s]
 FAILSAFE_PERIOD = 0.1  # between looks at the failsafes [s]
 EKF_BAD = 1.0  # the EKF fail-safe acts when the position has been bad for this long [s]
 log = logging.getLogger(__name__)
@@ -118,17 +119,8 @@ class Autopilot:
         self.mode, self.armed = int(parameters["INITIAL_MODE"]), False
         self.mode_changed = False  # set with every change; whoever tells the ground clears it
         self.texts: deque[tuple[int, str]] = deque(maxlen=32)  # what is to be said: severity, text
-        self.counters = dict.fromkeys(
-            (
-                "set_points",
-                "ignored_set_points",
-                "aborts",
-                "timeouts",
-                "failsafes",
-                "arming_refusals",
-            ),
-            0,
-        )
+        names = "set_points ignored_set_points aborts timeouts failsafes arming_refusals"
+        self.counters = dict.fromkeys(names.split(), 0)
         self.failsafe = ""
         self._target: Target | None = None
         self._pilot: tuple[float, float, float] | None = None
@@ -235,6 +227,8 @@ class Autopilot:
 
     def step(self, uptime: float, dt: float) -> None:
         """One turn of the main loop."""
+        if uptime - dt < SWITCH_READ <= uptime:
+            self.set_mode(int(self.parameters["INITIAL_MODE"]))
         self.uptime = uptime
         if uptime - self._failsafes_checked >= FAILSAFE_PERIOD - 1e-6:
             self._failsafes_checked = uptime
