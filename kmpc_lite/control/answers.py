@@ -157,7 +157,7 @@ class StandstillWatch:
         # without guidance a robot at its goal is told to be driving
         state, here, aim = now.state.standstill, now.here.tolist(), tuple(now.goal.tolist())
         on_its_way = now.guidance is not None or math.dist(here[:2], aim[:2]) > STANDS.item(0)
-        drives = progress is GoalProgress.DRIVING and on_its_way
+        drives = progress is GoalProgress.DRIVING and on_its_way and not now.held
         # a robot that does not drive, but waits or holds, begins anew when it drives
         drives = drives or reason.startswith((NO_PROGRESS, UNSEEN))
         turned = abs(math.remainder(here[2] - state.place[2], math.tau))

@@ -47,6 +47,7 @@ class Now:
     sent: Array | None  # (2,) what was really sent in the past period, where the caller says so
     refusal: str = ""  # why the step cannot be planned; empty if it can
     pose_is_known: bool = True  # whether the measured pose is plausible
+    held: bool = False  # whether the last command was held back: the robot is not ours yet
     here: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose, its heading within one turn."""
     turns: float = 0.0  # by how much that heading differs [rad]

@@ -97,6 +97,7 @@ class Guiding:
             view=now.view,
             speed=float(speeds(state.history.command)[0]),
             curvature=state.history.curvature,
+            held=now.held,
         )
         guidance = self._guide.reference(state.guide, known.capabilities, task)
         states = guidance.states
@@ -279,6 +280,7 @@ class Pipeline:
         state, model, changed = now.state, now.known.model, False
         history, lateness, age = state.history, state.lateness, self._pose_age
         if now.sent is not None:
+            now.held = bool(history.command.any() and not now.sent.any())
             history.correct(now.sent, self._problem)
         measured = now.pose if now.pose_is_known else None
         history.see(measured, model, self._newest)

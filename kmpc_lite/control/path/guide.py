@@ -130,7 +130,7 @@ class Guide:
                 # of a leg shorter than that it must have driven half, for it begins at rest
                 near = state.place > max(end - self._dt - GRID_STEP, 0.5 * (state.leg + end))
                 left = path.gear_at(state.leg) * float(seen_along(cusp - here, here[2])[0])
-                comes = near and (left <= CUSP_REACH or abs(now.speed) <= STANDS)
+                comes = near and (left <= CUSP_REACH or abs(now.task.speed) <= STANDS)
             else:
                 reach = min(NEAR_CUSP, math.dist(begin[:2], here[:2]))
                 comes = math.dist(cusp[:2], here[:2]) <= reach
@@ -161,7 +161,7 @@ class Guide:
             states = self._evade(state, now, now.moving)
         # what was seen from afar, or long ago, does not tell that there is no path, nor does what
         # goes on its way
-        may_be = state.urgent or now.view is not None or state.why_none == BLOCKED
+        may_be = state.urgent or now.task.view is not None or state.why_none == BLOCKED
         return Guidance(
             states=states,
             reachable=may_be,
@@ -186,7 +186,7 @@ class Guide:
         # a car that has come to rest at the end of its path gets no nearer but by changes of gear
         left, cannot_turn = path.duration - place, not self._wheels.turns_on_the_spot
         ends = left <= self._dt + GRID_STEP and leg_end(path.timed, state.leg) == math.inf
-        rests = cannot_turn and left <= self._dt and abs(now.speed) <= STANDS
+        rests = cannot_turn and left <= self._dt and abs(now.task.speed) <= STANDS
         stalled = rests or state.progress.stalls > 0
         hold = holds(
             state.goal_checker, tolerances, now.error, stalled, now.rest_error, now.rolled_error
@@ -212,8 +212,8 @@ class Guide:
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
         progress, reason = told_progress(state, hold, scale, state.progress.gets_on(left))
-        if reason == NO_PROGRESS and now.view is not None:
-            unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
+        if reason == NO_PROGRESS and now.task.view is not None:
+            unseen = now.task.view.is_dark(now.pose[None, :2], self._swept)[0]
             reason = UNSEEN if unseen else reason
         if hold and tolerances is not usual:
             reason = "it holds where it is: it does not get nearer to its goal"
@@ -242,8 +242,8 @@ class Guide:
         later = self._ahead * scale
         states = along(later, place, leg, heading, state.turning)
         steering = 0.0
-        if now.speed * path.gear_at(max(place, leg)) <= STANDS:
-            steering = self._wheels.steering_time(now.curvature, states, self._dt)
+        if now.task.speed * path.gear_at(max(place, leg)) <= STANDS:
+            steering = self._wheels.steering_time(now.task.curvature, states, self._dt)
         state.steering = steering > self._dt
         if state.steering:
             # wheels that take longer than is foreseen must be told what they are turned for

@@ -95,7 +95,7 @@ class Replanner:
             drives_on = not (at_once or stalled or strayed or state.urgent)
             self._searches.begin(state, now, self._watch.lead(state, now) if drives_on else 0.0)
         state.urgent = state.urgent or at_once
-        if begins and now.view is not None and not state.urgent:
+        if begins and now.task.view is not None and not state.urgent:
             return False, False  # what was seen has been made a map of: work enough for a step
         return self._searches.advance(state, now)
 
@@ -103,7 +103,7 @@ class Replanner:
         """Note how far it is; whether it is off its path, stands, or has had none for long."""
         if state.path is None:
             return state.age >= RETRY_INTERVAL
-        counts = not (state.turning or state.centre_moved or state.steering)
+        counts = not (state.turning or state.centre_moved or state.steering or now.task.held)
         left = state.path.duration - state.place
         stands = state.progress.see(left, self._dt if counts else 0.0)
         if state.turning:
@@ -111,7 +111,7 @@ class Replanner:
         if state.centre_moved:
             return True
         ends = left < self._dt + GRID_STEP and leg_end(state.path.timed, state.leg) == math.inf
-        if self._steers and ends and abs(now.speed) <= STANDS:
+        if self._steers and ends and abs(now.task.speed) <= STANDS:
             return True  # what is left to the side it cannot mend where it stands
         o, least = self._options, now.capabilities.tolerances.off_path
         least = max(least, self._off_poses)
@@ -122,7 +122,7 @@ class Replanner:
     def _settled(self, now: Situation) -> bool:
         """Whether nothing carries the robot nearer to its goal any more: it is far, or slow."""
         slow = SETTLED_SHARE * float(now.capabilities.forward[0])
-        return now.distance > NEAR_GOAL or abs(now.speed) <= slow
+        return now.distance > NEAR_GOAL or abs(now.task.speed) <= slow
 
     def _watch_progress(self, state: GuideState, now: Situation) -> bool:
         """Note the progress: whether there was none for too long; then something else is tried.
@@ -138,7 +138,7 @@ class Replanner:
             return False
         if path is None or state.urgent or state.goal_checker.holding:
             return False
-        period = 0.0 if state.yielding else self._dt
+        period = 0.0 if state.yielding or now.task.held else self._dt
         left = path.duration - state.place
         stalled = progress.watch(left, period, self._options.stall_time)
         if not progress.stalls:
@@ -160,7 +160,7 @@ class Replanner:
         circles = now.told
         if (
             len(circles) != len(state.circles)
-            or not same_solids(now.solids, state.solids)
+            or not same_solids(now.task.solids, state.solids)
             or now.target.tolist() != state.goal.tolist()
         ):
             return True
@@ -190,12 +190,12 @@ class PathWatch:
 
     def has_grown_elsewhere(self, state: GuideState, now: Situation) -> bool:
         """Whether the map is another one, which leaves the path free: then there is no hurry."""
-        path, solids = state.path, now.solids
+        path, solids = state.path, now.task.solids
         if solids is state.solids or path is None or solids is None or state.solids is None:
             return False
         if state.urgent or state.turning or same_solids(solids, state.solids):
             return False
-        same_circles = now.moving is None and np.array_equal(now.circles, state.circles)
+        same_circles = now.moving is None and np.array_equal(now.task.circles, state.circles)
         if now.target.tolist() != state.goal.tolist() or not same_circles:
             return False
         if path.drive_end - state.place > LONGEST_LOOK:
@@ -205,13 +205,13 @@ class PathWatch:
 
     def is_to_be_renewed(self, state: GuideState, now: Situation) -> bool:
         """Whether to look if what was in the way has gone."""
-        if now.view is None or state.path is None or state.turning:
+        if now.task.view is None or state.path is None or state.turning:
             return False
         return now.distance > NEAR_GOAL and state.age > REFRESH_INTERVAL
 
     def watch_path(self, state: GuideState, now: Situation) -> bool:
         """Look at times whether something that scans have shown lately stands on the path."""
-        view, path = now.view, state.path
+        view, path = now.task.view, state.path
         if view is None or path is None or state.turning:
             return False
         state.unwatched += self._dt
@@ -226,7 +226,7 @@ class PathWatch:
         As long as searches take, or half as long where something stands on the path before that;
         not at all where it stands nearer, or if nothing is seen.
         """
-        view, path = now.view, state.path
+        view, path = now.task.view, state.path
         if view is None or path is None or state.turning:
             return 0.0
         for lead in (state.search_time, 0.5 * state.search_time):

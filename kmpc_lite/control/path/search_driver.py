@@ -74,14 +74,14 @@ class SearchDriver:
             start = state.path.at(np.array([state.place + lead]))[0]
             start[2] -= nearest_turn(float(start[2] - now.pose[2]))
         same_goal = bool((now.target == state.goal).all())
-        known = None if now.view is None else _known(now.view)
-        if now.view is None:
-            state.known_solids, state.coarseness = now.solids, 0.0
+        known = None if now.task.view is None else _known(now.task.view)
+        if now.task.view is None:
+            state.known_solids, state.coarseness = now.task.solids, 0.0
         else:
-            state.known_solids = now.view.solids(now.solids)
-            state.coarseness = now.view.coarseness
+            state.known_solids = now.task.view.solids(now.task.solids)
+            state.coarseness = now.task.view.coarseness
         state.goal, state.circles = now.target.copy(), now.told.copy()
-        state.solids, state.age, state.centre_moved = now.solids, 0.0, False
+        state.solids, state.age, state.centre_moved = now.task.solids, 0.0, False
         can, progress = now.capabilities, state.progress
         driven = None
         if state.path is not None and same_goal and not progress.is_stuck:
@@ -104,11 +104,11 @@ class SearchDriver:
             driven=driven,
             tried=state.tried if same_goal else (),
             turned=state.turned,
-            gear_time=0.0 if now.view is None else GEAR_TIME,
-            curvature=now.curvature,
+            gear_time=0.0 if now.task.view is None else GEAR_TIME,
+            curvature=now.task.curvature,
             curving=can.curving,
             steering_lag=can.steering_lag,
-            gear=math.copysign(1.0, now.speed) if abs(now.speed) > STANDS else 0.0,
+            gear=math.copysign(1.0, now.task.speed) if abs(now.task.speed) > STANDS else 0.0,
         )
         self._search(state, now, Search(request, same_goal, progress.is_stuck, lead))
 
@@ -158,9 +158,9 @@ class SearchDriver:
     def _look_behind(self, state: GuideState, now: Situation, search: Search, why: str) -> bool:
         """Begin to look whether there is a path but for what moves, where that was in the way."""
         request = search.request
-        if now.moving is None or search.only_tells or len(request.circles) != len(now.circles):
+        if now.moving is None or search.only_tells or len(request.circles) != len(now.task.circles):
             return False
-        still = request.circles[~now.circles[:, VELOCITY].any(axis=1)]
+        still = request.circles[~now.task.circles[:, VELOCITY].any(axis=1)]
         asked = replace(request, circles=still)
         again = Search(asked, search.same_goal, search.stuck, search.lead, only_tells=why)
         self._search(state, now, again)
@@ -169,7 +169,7 @@ class SearchDriver:
     def advance(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
-        waits = self._by_poses and abs(now.speed) <= STANDS
+        waits = self._by_poses and abs(now.task.speed) <= STANDS
         parts = URGENT_PARTS if state.urgent or waits else self._options.hurried_parts
         while (search := state.search) is not None:
             found = self._found(search)
@@ -190,7 +190,7 @@ class SearchDriver:
             else:
                 parts -= self._do_part(state, search) - 1
             parts -= 1
-            if parts <= 0 or (now.until < math.inf and self._clock() > now.until):
+            if parts <= 0 or (now.task.until < math.inf and self._clock() > now.task.until):
                 break
         return refreshed, switched
 

@@ -148,6 +148,7 @@ class GuideTask(NamedTuple):
     """What scans have shown: another path is looked for where that stands on the one driven."""
     speed: float = 0.0  # that was commanded last, below zero backwards [m/s]
     curvature: float = 0.0  # in which the wheels of a car stand now [1/m]
+    held: bool = False  # whether its last command was held back: time is not lost meanwhile
 
 
 class Situation(NamedTuple):
@@ -160,28 +161,24 @@ class Situation(NamedTuple):
     rest_error: Array  # the same of the pose at which the robot stands if it brakes now
     rolled_error: Array  # the same where it lags more than its model knows: it rolls on
     distance: float  # to the goal [m]
-    circles: Array  # (M, 7)
-    solids: Solids | None
+    task: GuideTask  # what else is asked
     moving: MovingObstacles | None  # the circles, if any of them moves
     capabilities: Capabilities
     outside: bool  # whether the goal lies outside the area; then `goal` is the nearest pose inside
-    until: float  # when to leave a search to the next step [s]
-    view: View | None = None  # what scans have shown; none without any
-    speed: float = 0.0  # that was commanded last, below zero backwards [m/s]
-    curvature: float = 0.0  # in which the wheels of a car stand now [1/m]
 
     def met(self, waited: float) -> Array:
         """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
         moving = self.moving
-        met = self.circles if moving is None else moving.where_met(self.pose, waited)
+        met = self.task.circles if moving is None else moving.where_met(self.pose, waited)
         return met[:, :SPREAD_RATE].copy()
 
     @property
     def told(self) -> Array:
         """Circles (K, 7) with given velocities: what was seen to move is no part of the map."""
-        if self.moving is None or not some_spread(self.circles):
-            return self.circles
-        told: Array = self.circles[self.circles[:, SPREAD_RATE] == 0.0]
+        circles = self.task.circles
+        if self.moving is None or not some_spread(circles):
+            return circles
+        told: Array = circles[circles[:, SPREAD_RATE] == 0.0]
         return told
 
 
@@ -219,15 +216,10 @@ class Surveyor:
             rest_error=rest_error,
             rolled_error=rest_error + task.rolls_on,
             distance=math.hypot(error[0], error[1]),
-            circles=task.circles,
-            solids=task.solids,
+            task=task,
             moving=self._moving(state, capabilities, task),
             capabilities=capabilities,
             outside=outside,
-            until=task.until,
-            view=task.view,
-            speed=task.speed,
-            curvature=task.curvature,
         )
 
     def _lies_outside(self, goal: Array, tolerance: float) -> bool:
@@ -286,7 +278,7 @@ def wait_in_sight(
     distance that the robot keeps from what is unknown [m]. `turn`: how far it turns from stage to
     stage [rad].
     """
-    view = now.view
+    view = now.task.view
     if view is None and known == math.inf:
         return
     dark = np.zeros(len(states), dtype=bool)

@@ -320,3 +320,10 @@ def test_a_command_that_cannot_have_been_sent_counts_as_unknown() -> None:
             plan = controller.step((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), sent=sent)
             assert np.isfinite(plan.states).all() and np.abs(plan.states).max() < 10.0
             assert plan.status is kl.PlanStatus.SOLVED or plan.status is kl.PlanStatus.FEASIBLE
+
+
+def test_a_robot_that_another_holds_back_loses_no_time() -> None:
+    controller = kl.Controller(MODEL, PROBLEM)
+    for k in range(200):
+        plan = controller.step((0, 0, 0), GOAL, sent=(0, 0) if k else None)
+    assert (plan.progress.name, plan.reason) == ("DRIVING", "")
