@@ -81,6 +81,12 @@ class LinkStatus:
     """When the newest scan of the robot's lidar was measured; None for a robot without one."""
     scan_faults: tuple[str, ...] = ()  # why no scans come, in words
 
+    @property
+    def lost(self) -> int:
+        """How many frames were bad, dropped or refused, and how often the link was."""
+        kinds = ("bad", "drop", "refused", "reconn")
+        return sum(n for name, n in self.counters.items() if name.startswith(kinds))
+
 
 def speeds_of(command: Iterable[float]) -> Speeds:
     """Take a controller's command for speeds: (v, omega), or an omni's (v_x, v_y, omega)."""

@@ -136,12 +136,8 @@ def _link(status: LinkStatus, now: float) -> str:
     silent = now - status.heartbeat_stamp
     heard = f"heard {1e3 * silent:.0f} ms ago" if silent < NEVER else "never heard"
     armed = "armed" if status.armed else "not armed"
-    bad = sum(
-        count
-        for name, count in status.counters.items()
-        if name.startswith(("bad", "drop", "refused", "reconn"))
-    )
-    words = ["up" if status.connected else "DOWN", heard, status.mode, armed, f"{bad} bad or lost"]
+    state, lost = "up" if status.connected else "DOWN", f"{status.lost} bad or lost"
+    words = (state, heard, status.mode, armed, lost)
     return ", ".join(filter(None, words))
 
 

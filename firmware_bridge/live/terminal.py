@@ -119,11 +119,9 @@ def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:
     lines.append(f"controller  {_times(planner.step_time)}{failed}")
     lines.append(f"latency     pose to wire {_times(loop.statistics.pose_to_wire)}")
     mode = f"{status.mode or '-'}, {'armed' if status.armed else 'not armed'}"
-    worse = ("bad", "drop", "refused", "reconn")
-    bad = sum(n for name, n in status.counters.items() if name.startswith(worse))
     lines.append(
         f"link        {'up' if status.connected else 'DOWN'}, "
-        f"heard {_ms(shot.now - status.heartbeat_stamp)} ago, {mode}, {bad} bad or lost"
+        f"heard {_ms(shot.now - status.heartbeat_stamp)} ago, {mode}, {status.lost} bad or lost"
     )
     wrong = [*(r.value for r in output.reasons), *status.faults]
     lines.append(f"wrong       {RED}{'; '.join(wrong)}{PLAIN}" if wrong else "wrong       nothing")
