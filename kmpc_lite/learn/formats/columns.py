@@ -51,8 +51,8 @@ _TOLD = {
 NAMES = {ours: tuple(part.split() for part in told.split("|")) for ours, told in _TOLD.items()}
 """How other tools call a column, in lower case with underscores: whole names, last words of longer
 ones (``pose.pose.position.x``). Those of other robots are added here, in `KNOWN` and in `WAYS`."""
-OWNERS = "robot rover car vehicle agent odom odometry base base_link ekf est true truth gt current "
-OWNED = {f"{owner}_{n}": n for owner in f"{OWNERS}actual".split() for n in ("x", "y")}
+OWNERS = "robot rover car vehicle agent odom odometry base base_link ekf est true gt current actual"
+OWNED = {f"{owner}_{n}": n for owner in OWNERS.split() for n in ("x", "y")}
 """Places by whose they are: of several that are there none is better than the others."""
 COMMANDED = ("cmd", "command", "commanded", "target", "setpoint")
 """Words that tell a command from a measured speed, ..."""
