@@ -24,7 +24,7 @@ Errors = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class FitReport:
-    """Held-out prediction errors, root mean square, of a model and of the nominal unicycle."""
+    """Held-out RMS errors one period and `horizon` [s] ahead of `starts` poses: ours, nominal."""
 
     horizon: float  # how far ahead the many-step errors look [s]
     starts: int  # from how many poses

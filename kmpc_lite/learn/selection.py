@@ -21,6 +21,7 @@ from kmpc_lite.learn.lag import (
     AT_ONCE,
     CHANCE,
     MOST_STEPS,
+    Found,
     Response,
     assign_folds,
     critical_score,
@@ -143,13 +144,13 @@ def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int]
     that stay those of the nominal robot.
     """
     log = dataset if whole is None else whole
-    if log.steered and _obeys_turn_rates(log):
-        return select(_unsteered(dataset), _unsteered(log), stay)
     limits, m = largest_inputs(dataset.inputs), dataset.commands
     smoothing = tuple(SMOOTHED * most for most in limits)
+    ahead, turning = find_response(log, range(m - 1)), find_response(log, (m - 1,))
+    if log.steered and (as_told := _turns_as_told(log, ahead, turning)):
+        dataset, log, turning = _unsteered(dataset), _unsteered(log), as_told
     found, doubts = {ALONG: AT_ONCE, HEADING: AT_ONCE}, []
-    for which, axes, name in ((ALONG, range(m - 1), "speed"), (HEADING, (m - 1,), "turn rate")):
-        lag = find_response(log, axes)
+    for which, lag, name in ((ALONG, ahead, "speed"), (HEADING, turning, "turn rate")):
         if lag.sure and which not in stay:
             found[which] = lag.response
             doubts += [f"lag of the {name}: ambiguous, {lag.doubt}"] if lag.doubt else []
@@ -170,27 +171,26 @@ def select(dataset: Dataset, whole: Dataset | None = None, stay: Collection[int]
     if dataset.steered:
         every = weighed(every, every)
     rows, condition = _fit_rows(every, chooser, chosen)
-    return Selection(
-        *(smoothing, limits, len(judged.blocks), rows, speed, turn, tuple(doubts)),
-        *(fitted.longest, chosen, fitted.count, condition, dataset.steered),
-    )
+    told = Selection(smoothing, limits, len(judged.blocks), rows, speed, turn, tuple(doubts))
+    told = replace(told, longest=fitted.longest, directions=chosen, windows=fitted.count)
+    return replace(told, condition=condition, steered=dataset.steered)
 
 
-def _obeys_turn_rates(log: Dataset) -> bool:
-    """Whether a car turns as it is told to, however fast it is, as behind an autopilot's loop."""
+def _turns_as_told(log: Dataset, ahead: Found, steering: Found) -> Found | None:
+    """How a car behind an autopilot answers turn rates, however fast it is; None of other cars."""
     free, limits = _unsteered(log), largest_inputs(log.inputs)
-    found = [find_response(data, (axis,)) for data, axis in ((log, 0), (log, 1), (free, 1))]
-    speed, *turns = (f.response if f.sure else AT_ONCE for f in found)
-    longest = min(MOST_HISTORY, max(r.periods(log.dt) for r in (speed, *turns)))
+    found = ahead, steering, find_response(free, (1,))
+    speed, steered, turn = (f.response if f.sure else AT_ONCE for f in found)
+    longest = min(MOST_HISTORY, max(r.periods(log.dt) for r in (speed, steered, turn)))
 
     def errors(data: Dataset, turn: Response) -> Array:
         smoothing = tuple(SMOOTHED * most for most in limits)
         judged = _moments(_windows(_thinned(data), longest), speed, turn, smoothing, limits)
         return squared_errors(judged.heading, nominal_rows().heading)
 
-    by_wheels, as_told = errors(log, turns[0]), errors(free, turns[1])
+    by_wheels, as_told = errors(log, steered), errors(free, turn)
     score, blocks = gain_score(by_wheels, as_told, False), len(as_told)
-    return blocks > 2 and score > critical_score(blocks, OF_CARS)
+    return found[-1] if blocks > 2 and score > critical_score(blocks, OF_CARS) else None
 
 
 def _unsteered(dataset: Dataset) -> Dataset:

@@ -73,11 +73,12 @@ class Aim(Enum):
 class Authority:
     """Follows the vehicle's mode and arming, and asks for changes of them.
 
-    `desk`: sends the commands.
+    `desk`: sends the commands. `able`: whether the vehicle accepts our frames and knows where it is
+    at a time [s]: what is asked before is undone by its boot, and by the mode switch, read then.
     """
 
-    def __init__(self, desk: CommandDesk) -> None:
-        self._desk = desk
+    def __init__(self, desk: CommandDesk, able: Callable[[float], bool]) -> None:
+        self._desk, self._able = desk, able
         self.aim = Aim.WATCH
         self.mode: int | None = None
         self.armed = False
@@ -107,10 +108,7 @@ class Authority:
         return now - self.heard < HEARTBEAT_LOST
 
     def take(self, now: float) -> None:
-        """Ask for GUIDED and arming, as soon as the vehicle accepts our frames and has a position.
-
-        What was asked before is undone by its boot, and by the mode switch, which it then reads.
-        """
+        """Ask for GUIDED and arming, as soon as the vehicle is able."""
         self.aim, self.refusal = Aim.TAKE, NOT_READY
         self._asked, self._guided_seen, self._untouched = False, False, True
         self._lost = -float("inf")
@@ -139,7 +137,7 @@ class Authority:
             self._guided_seen = not taking or self._guided_seen
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, HOLD, now=now, patient=True)
 
-    def on_heartbeat(self, mode: int, armed: bool, now: float, able: bool = True) -> None:
+    def on_heartbeat(self, mode: int, armed: bool, now: float) -> None:
         """Take mode and arming from a HEARTBEAT."""
         ours = self.mode == GUIDED and self.armed and self.aim is Aim.WATCH
         self.mode, self.armed, self.heard = mode, armed, now
@@ -150,13 +148,13 @@ class Authority:
                 self._take_again()
         if armed and mode == GUIDED:
             self.refusal = ""
-        self.tick(now, able)
+        self.tick(now)
 
-    def tick(self, now: float, able: bool = True) -> None:
-        """Take the next step towards the aim; `able`: see `take`."""
+    def tick(self, now: float) -> None:
+        """Take the next step towards the aim."""
         if self.aim is Aim.TAKE:
             if not self._asked:
-                self._begin(now, able)
+                self._begin(now)
             else:
                 self._take(now)
         elif self.aim is Aim.RELEASE:
@@ -165,9 +163,9 @@ class Authority:
             if agreed or (self._guided_seen and self.mode not in (GUIDED, HOLD)):
                 self._finish()
 
-    def _begin(self, now: float, able: bool) -> None:
-        """Ask for GUIDED once it is of use, and no failsafe would take it back."""
-        if able and now - self._failsafe >= PILOT:
+    def _begin(self, now: float) -> None:
+        """Ask for GUIDED once the vehicle is able, and no failsafe would take it back."""
+        if now - self._failsafe >= PILOT and self._able(now):
             self._asked, self.refusal = True, ""
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, GUIDED, now=now, patient=True)
 

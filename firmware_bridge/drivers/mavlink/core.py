@@ -70,7 +70,7 @@ class MavlinkCore:
                 self._build.command(command, parameters, again)
             )
         )
-        self.authority = Authority(self.desk)
+        self.authority = Authority(self.desk, self._able)
         self.streams = StreamRequests(self.desk, wanted_streams(options.rate))
         self.failsafe = GcsFailsafe(
             lambda name: self._send(self._build.parameter_read(name)),
@@ -134,7 +134,7 @@ class MavlinkCore:
             self.status_texts.on_armed()
         if message.system_status == CRITICAL:
             self.authority.on_failsafe(now)
-        self.authority.on_heartbeat(message.custom_mode, armed, now, self._able(now))
+        self.authority.on_heartbeat(message.custom_mode, armed, now)
 
     def _on_pose(self, take: Callable[[Any, float], None], message: Any, now: float) -> None:
         take(message, self.clock.stamp(message.time_boot_ms, now))
@@ -147,12 +147,14 @@ class MavlinkCore:
             self.greeting.on_answer(now)
         else:
             self._counters["unmatched_acks"] += 1
-        self.authority.tick(now, self._able(now))
+        self.authority.tick(now)
+
+    def distrust(self, now: float) -> tuple[str, ...]:
+        """Why the vehicle's estimate of its pose is not to be trusted."""
+        return self.pose.faults(now, self.streams.rate(EKF_STATUS))
 
     def _able(self, now: float) -> bool:
-        """Whether the vehicle accepts our frames and knows where it is."""
-        blind = self.pose.faults(now, self.streams.rate(EKF_STATUS))
-        return self.greeting.done(now) and not blind
+        return self.greeting.done(now) and not self.distrust(now)
 
     def _on_timesync(self, message: Any, now: float) -> None:
         if message.tc1 == 0:
@@ -189,7 +191,7 @@ class MavlinkCore:
             if self._is_due("origin", now, ORIGIN_PERIOD):
                 self.mocap.send_origin()
         self.desk.tick(now)
-        self.authority.tick(now, self._able(now))
+        self.authority.tick(now)
         if self.authority.aim is Aim.RELEASE and self._is_due("zero", now, ZERO_PERIOD):
             self._send(self._build.set_point(0.0, 0.0, now))
 

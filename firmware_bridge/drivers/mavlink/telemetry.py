@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.drivers.mavlink.commands import MessageBuilder
 from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
-from firmware_bridge.drivers.mavlink.streams import EKF_STATUS
 from firmware_bridge.frames import forward_speed, ned_to_enu
 from firmware_bridge.messages import LinkStatus, State
 
@@ -276,7 +275,7 @@ def tells_failsafe(text: str) -> bool:
 
 def vehicle_status(core: MavlinkCore, now: float, connected: bool) -> LinkStatus:
     """Say whether the vehicle obeys, whether its pose is to be trusted, and what is wrong."""
-    distrust, authority = core.pose.faults(now, core.streams.rate(EKF_STATUS)), core.authority
+    distrust, authority = core.distrust(now), core.authority
     pose_stamp = core.pose.oldest_part
     if core.options.pose == MOCAP:
         # the EKF's output looks valid for 7 s after its source has stopped: the source's own
