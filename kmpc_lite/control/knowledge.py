@@ -36,11 +36,6 @@ cannot move sideways: it turns aside, drives, turns back, and may have to do tha
 twice as much time arrive about as soon."""
 
 
-def with_goal_weights(problem: NavigationProblem) -> NavigationProblem:
-    """Return the problem with the paper's weights where it gives none: of the goal itself."""
-    return _filled(problem, GOAL_Q, GOAL_R, np.zeros((STATES, STATES)))
-
-
 def with_tracking_weights(
     problem: NavigationProblem, gains: tuple[float, float] = (1.0, 1.0)
 ) -> NavigationProblem:
@@ -148,7 +143,7 @@ def problem_in_units(
     """Return a problem in the robot's units, with the weights that its mode uses by default."""
     units = scaled_problem(problem, problem.scale)
     if not guides:
-        return with_goal_weights(units)
+        return _filled(units, GOAL_Q, GOAL_R, np.zeros((STATES, STATES)))  # the paper's
     from kmpc_lite.control.path.capabilities import speed_shares
 
     # where the robot does not reach its command bounds, the weights say so

@@ -313,7 +313,7 @@ class OSQPWorkspace(QPSolver):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # OSQP's own memory does not copy; nothing in it outlives a step
-        return _rebuilt, (type(self), self._setup, self._settings)
+        return partial(type(self), **self._settings), self._setup
 
     def write_code(self, folder: str | os.PathLike[str], float32: bool) -> None:
         """Write OSQP's own embedded code for this QP, whose numbers may change, into a folder.
@@ -384,9 +384,3 @@ class OSQPWorkspace(QPSolver):
         early = info.status_val in EARLY
         status, why = (QPStatus.STOPPED_EARLY, info.status) if early else (QPStatus.SOLVED, "")
         return QPSolution(status, primal, dual, info.iter, info.prim_res, info.dual_res, why)
-
-
-def _rebuilt(
-    kind: type[OSQPWorkspace], setup: tuple[Any, ...], settings: dict[str, Any]
-) -> OSQPWorkspace:
-    return kind(*setup, **settings)

@@ -56,11 +56,6 @@ class PoseTree:
         self._nodes = np.zeros(1, dtype=np.intp)
         self._wholes, self._inside = self._whole_of(root[None]), np.zeros(1, dtype=np.intp)
 
-    @property
-    def is_full(self) -> bool:
-        """Whether it cannot grow any more."""
-        return self.count >= MOST
-
     def _key_of(self, poses: Array, gears: Array, halvings: Array) -> Array:
         """Numbers (n,) of the cells in which poses (n, 3) lie, which were halved so often (n,)."""
         parts = 1 << halvings
@@ -258,7 +253,11 @@ class FieldPlanner:
                 continue
             done += PART_QUANTA * (3 if self._attempt else 2) // 2
             if self._line is not None:
-                self._improve(self._line)
+                # better ways from one pose of the path; the first one's is the path at last
+                self._ways.improve(self._line, self._knot)
+                if not self._knot:
+                    self._found = self._path_of(self._line.ways[0])
+                self._knot -= 1
             elif not self._batches:
                 self._look_straight()
             else:
@@ -311,7 +310,7 @@ class FieldPlanner:
         """Let the tree grow by a batch, and look for ways from the start to it."""
         tree = self._tree
         nodes, least = tree.cheapest(BATCH)
-        ended = not len(nodes) or tree.is_full or self._batches >= self._last
+        ended = not len(nodes) or tree.count >= MOST or self._batches >= self._last
         if ended or least >= WEIGHTS[self._attempt > 0] * self._price:
             last = self._attempt + 1 == len(ATTEMPTS)
             # from no pose of a tree of fine steps it goes on
@@ -349,6 +348,8 @@ class FieldPlanner:
         good = (kept.min(axis=2) >= 0.0) & within & (costs + to_go < self._price)
         row, column = np.nonzero(good)
         if len(row):
+            # so that a step leaves its cell
+            steps = np.minimum(self._steps_at(kept[row, column, 1]), 1.0)
             tree.add(
                 nodes[row],
                 led[row, column, 1],
@@ -357,7 +358,7 @@ class FieldPlanner:
                 costs[good],
                 np.where(gear[column] != 0, gear[column], gears[row]).astype(np.int8),
                 costs[good] + WEIGHTS[self._attempt > 0] * to_go[good],
-                self._halvings_at(kept[row, column, 1]),
+                np.ceil(-np.log2(steps)).astype(int),
             )
 
     def _steps_at(self, room: Array) -> Array:
@@ -368,12 +369,6 @@ class FieldPlanner:
         # what is surely clear
         longer = np.clip(room / (self._step * self._speed), 1.0, LONGEST_STEP)
         out: Array = finer * longer
-        return out
-
-    def _halvings_at(self, room: Array) -> Array:
-        """How often cells are halved (n,), so that a step leaves them."""
-        steps = np.minimum(self._steps_at(room), 1.0)
-        out: Array = np.ceil(-np.log2(steps)).astype(int)
         return out
 
     def _look_between(self, nodes: Array, others: Array) -> None:
@@ -437,13 +432,6 @@ class FieldPlanner:
         if not self._is_exhausted:
             return GAVE_UP
         return NO_ROOM if isinstance(self._wheels, Car) else NO_WAY
-
-    def _improve(self, line: Line) -> None:
-        """Look for better ways from one pose of the path; the first one's is the path at last."""
-        self._ways.improve(line, self._knot)
-        if not self._knot:
-            self._found = self._path_of(line.ways[0])
-        self._knot -= 1
 
     def _path_of(self, motions: Piece) -> Path:
         """Poses and times of motions from the start to the goal."""

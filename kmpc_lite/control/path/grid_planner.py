@@ -56,6 +56,8 @@ DEEP = 0.015  # a robot that is so deep in a margin is led out first [m] ...
 OUTSIDE = 0.03  # ... to where it keeps so much more than the margin [m]: there it turns.
 OUTWARDS = 64  # directions in which a way out is looked for ...
 FARTHER = np.array([1.0, 1.25, 1.5, 1.75])  # ... and lengths, as multiples of what is missing.
+LED_OUT = np.array([w for k in range(1, 9) for w in (0.5 * k, -0.5 * k)])
+"""How far a robot that is not round is led straight out [radii of its circles]."""
 OUTWARD_SHARE = 0.55
 """Least share of the way that leads away from what is near: a motion that leads away by less than
 half of it is not safe."""
@@ -90,6 +92,7 @@ class GridPlanner:
         self._widest = 0.0  # ... and the largest that is [m].
         self._best: Path | None = None  # the cheapest path so far ...
         self._price = math.inf  # ... and its price [s].
+        self._gets_on = False  # whether the path driven is free, as far as was looked
         self._found: Path | str | None = None
         self._work = self._search()
         self._quanta = next(self._work)  # of the part that comes next
@@ -135,11 +138,13 @@ class GridPlanner:
                 yield from self._try(grid, self._inflation + clearance)
             if self._best is not None or grid.is_whole:
                 break
-        path = self._best
-        if path is None:
-            self._found = NO_WAY
-        else:
-            self._found = path if self._out is None else led_out(path, self._start)
+        self._found = path = self._best or NO_WAY
+        if self._out is not None and isinstance(path, Path):
+            poses, start = path.poses.copy(), self._start
+            poses[:, 2] += start[2] + wrap(float(poses[0, 2] - start[2])) - poses[0, 2]
+            turned = np.array([start[0], start[1], poses[0, 2]])
+            led_out = np.concatenate([start[None], turned[None], poses])
+            self._found = replace(path, poses=led_out)
 
     def _try(self, grid: DistanceGrid, kept: float) -> Iterator[int]:
         """Look for paths that keep a distance [m]."""
@@ -195,7 +200,8 @@ class GridPlanner:
         if request.driven is not None:
             lines.append(np.concatenate([ends[0], request.driven.points[1:-1], ends[1]]))
             steps = lines[0][:-1], lines[0][1:]
-            if not grid.lines_free(*steps, around.least).all():
+            self._gets_on = bool(grid.lines_free(*steps, around.least).all())
+            if not self._gets_on:
                 lines.clear()
         times = np.full(DIRECTIONS, math.inf)
         nodes, begin = list(map(grid.node, away)), np.repeat(ends[0], DIRECTIONS, axis=0)
@@ -225,27 +231,31 @@ class GridPlanner:
             return
         driven = request.driven
         is_like = driven is not None and same_side(driven, path, points)
-        if not is_like:
-            price += switching_time(path, request, o)
+        if driven is not None and not is_like:
+            price += max(o.switch_time, request.gear_time) + o.switch_share * path.time
         price += lost_time(path, self._clearance, request, points)
         price += extra_time(path, request, o)
-        if price < self._price and not (self._is_round or fits(path, request, self._margin)):
-            price += UNFIT_COST
+        if price >= self._price:
+            return
+        poses = poses_along(path, request.start, request.goal)
+        if not self._is_round:
+            poses = turned_where_free(poses, request, self._margin)
+            price += 0.0 if fits(poses, request, self._margin) else UNFIT_COST
         if price < self._price:
-            poses = poses_along(path, request.start, request.goal)
             self._best = Path(poses, None, self._clearance, not is_like)
             self._price = price
 
     def _is_cheapest(self, clearance: float) -> bool:
         """Whether no path of a clearance [m] can be cheaper: nothing is quicker than straight.
 
-        While a robot gets on, paths that keep less than the one driven are not looked for.
+        While a robot gets on, and the path driven is free, none that keeps less is looked for.
         """
         request, driven = self._request, self._request.driven
         if self._best is None:
             return False
-        if driven is not None and not request.tried and self._clearance <= driven.clearance:
-            return True
+        if driven is not None and self._gets_on and not request.tried:
+            if self._clearance <= driven.clearance:
+                return True
         away = math.dist(request.start[:2], request.goal[:2]) / float(request.forward[0])
         return self._price <= away * narrowness(clearance, self._widest, self._options)
 
@@ -253,13 +263,6 @@ class GridPlanner:
 def narrowness(clearance: float, widest: float, options: GuidanceOptions) -> float:
     """How many times its time a path counts that keeps a clearance, of the widest one [m]."""
     return 1.0 + options.narrow_cost * (1.0 - clearance / widest)
-
-
-def switching_time(path: GeometricPath, request: PathRequest, options: GuidanceOptions) -> float:
-    """What it costs to leave the path that is driven for this one [s]."""
-    if request.driven is None:
-        return 0.0
-    return max(options.switch_time, request.gear_time) + options.switch_share * path.time
 
 
 def lost_time(
@@ -303,12 +306,41 @@ def look_times(request: PathRequest, points: Array, plan_time: float) -> tuple[f
     return ahead, behind
 
 
-def fits(path: GeometricPath, request: PathRequest, margin: float) -> bool:
-    """Whether all circles of a robot keep a margin [m] along a path, and where it begins and ends.
+def turned_where_free(poses: Array, request: PathRequest, margin: float) -> Array:
+    """Poses (K, 3) of a path, led straight ahead or back first if what sticks out has no room.
 
-    Turns on the spot included.
+    Where the robot stands it may not turn towards the path's first line: `margin` [m] and as much
+    as its motions need are missing beside it. It turns where they are not, or are missed least.
     """
-    corners = poses_along(path, request.start, request.goal)
+    (start, turned, corner), rest = poses[:3], poses[2:]
+    along = np.linspace(0.0, 1.0, 16)[:, None]  # where each part of the way is looked at
+    room = float(outline_distances(request, start + along * (turned - start)).min()) - margin
+    if room >= DEEP:
+        return poses
+    least = min(margin, float(outline_distances(request, start[None])[0])) - CUT_DEPTH
+    ahead = np.array((math.cos(start[2]), math.sin(start[2]), 0.0))
+    gear = 1.0 if (corner - start)[:2] @ (math.cos(turned[2]), math.sin(turned[2])) > 0.0 else -1.0
+    for way in LED_OUT * float(request.outline[0, 2]):
+        if room >= OUTSIDE or (way < 0.0 and not request.backward[0] > 0.0):
+            continue
+        # it turns as soon as it has come half of the way
+        out, half = start + way * ahead, start + 0.5 * way * ahead
+        x, y = gear * (corner - out)[:2]
+        turn = np.array((0.0, 0.0, wrap(math.atan2(y, x) - start[2])))
+        line = out + turn, np.array((*corner[:2], start[2] + turn[2]))
+        driven = np.concatenate([a + along * (b - a) for a, b in ((start, out), line)])
+        turns = np.concatenate([here + along * turn for here in (half, out)])
+        found = float(outline_distances(request, turns).min()) - margin
+        if found > room and outline_distances(request, driven).min() >= least:
+            room, poses = found, np.concatenate([np.stack([start, out, out + turn]), rest])
+    return poses
+
+
+def fits(corners: Array, request: PathRequest, margin: float) -> bool:
+    """Whether all circles of a robot keep a margin [m] along a path's poses (K, 3).
+
+    Where it begins and ends, and turns on the spot, too.
+    """
     radius = float(request.outline[0, 2])
     reach = float(np.hypot(*request.outline[:, :2].T).max())
     steps = np.diff(corners, axis=0)
@@ -374,14 +406,6 @@ def way_out(request: PathRequest) -> Array | None:
     length, best = divmod(int(np.where(clear, times, np.inf).argmin()), OUTWARDS)
     turned = math.pi if behind[best] < ahead[best] else 0.0
     return np.array([*ends[length, best], courses[best] + turned])
-
-
-def led_out(path: Path, start: Array) -> Path:
-    """Give a path that begins at a way out, from a pose (3,) of the robot on."""
-    poses = path.poses.copy()
-    poses[:, 2] += start[2] + wrap(float(poses[0, 2] - start[2])) - poses[0, 2]
-    turned = np.array([start[0], start[1], poses[0, 2]])
-    return replace(path, poses=np.concatenate([start[None], turned[None], poses]))
 
 
 def all_clearances(request: PathRequest, turning: float, options: GuidanceOptions) -> list[float]:

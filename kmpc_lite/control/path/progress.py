@@ -70,10 +70,6 @@ class ProgressState:
         """Whether the robot has stood for too long."""
         return self.waited > PATIENCE
 
-    def expect_new_path(self) -> None:
-        """Let the next path begin a new count: the map or the goal is another one."""
-        self.least_left = -math.inf
-
     def begin_path(self, left: float, turn: float, other: bool) -> None:
         """Begin a path.
 

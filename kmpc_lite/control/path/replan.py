@@ -87,14 +87,15 @@ class Replanner:
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
         cut = state.search is None and not at_once and self._watch.watch_path(state, now)
         if at_once or cut:
-            state.progress.expect_new_path()
+            state.progress.least_left = -math.inf  # what comes next begins a new count
         renewed = grown or (state.search is None and self._watch.is_to_be_renewed(state, now))
         begins = at_once or cut or stalled or renewed or (strayed and state.search is None)
         if begins:
             state.only_renews = renewed and not (at_once or cut or stalled or strayed)
             drives_on = not (at_once or stalled or strayed or state.urgent)
             self._searches.begin(state, now, self._watch.lead(state, now) if drives_on else 0.0)
-        state.urgent = state.urgent or at_once
+        # what begins anew at each stall ends before the next; a car's has more time where it stands
+        state.urgent = state.urgent or at_once or (stalled and not self._steers)
         if begins and now.task.view is not None and not state.urgent:
             return False, False  # what was seen has been made a map of: work enough for a step
         return self._searches.advance(state, now)
@@ -224,10 +225,10 @@ class PathWatch:
         """How long the robot drives on while a path is looked for [s].
 
         As long as searches take, or half as long where something stands on the path before that;
-        not at all where it stands nearer, or if nothing is seen.
+        not at all where it stands nearer, if nothing is seen, or if the robot stands: it may stay.
         """
         view, path = now.task.view, state.path
-        if view is None or path is None or state.turning:
+        if view is None or path is None or state.turning or abs(now.task.speed) <= STANDS:
             return 0.0
         for lead in (state.search_time, 0.5 * state.search_time):
             end = min(state.place + lead, path.drive_end)

@@ -34,16 +34,6 @@ WRONG: dict[str, tuple[Any, ...]] = {
 }
 
 
-def test_defaults_are_the_papers_without_its_area() -> None:
-    problem, nowhere, fast = NavigationProblem(), np.full(3, INF), np.array((0.6, np.pi / 4))
-    expected = [np.diag(w) for w in ((1.0, 5.0, 0.1), (0.5, 0.05), (0.0, 0.0, 0.0))]
-    expected += [-fast, fast, -nowhere, nowhere]
-    for told, papers in zip((*problem.weights, *problem.bounds), expected, strict=True):
-        np.testing.assert_array_equal(told, papers)
-    sizes = problem.horizon, problem.dt, problem.robot_radius, problem.margin
-    assert sizes == (20, 0.1, 0.15, 0.0)
-
-
 @pytest.mark.parametrize(("field", "value"), [(f, v) for f, vs in WRONG.items() for v in vs])
 def test_every_wrong_field_is_named(field: str, value: Any) -> None:
     with pytest.raises(ProblemError, match=field) as caught:

@@ -94,13 +94,3 @@ def test_a_plan_pickles_and_knows_its_clearance(learned: kl.KoopmanModel) -> Non
     other = pickle.loads(pickle.dumps(plan))
     assert other.clearance == plan.clearance < np.inf
     assert other.status is plan.status and other.progress is kl.GoalProgress.DRIVING
-
-
-def test_a_controller_that_passes_to_convergence_copies_too(learned: kl.KoopmanModel) -> None:
-    controller = kl.Controller(learned, guidance=False, tightening=None, sqp_iterations=20)
-    obstacles, x = [kl.Circle(0.6, 0.5, 0.2)], np.zeros(3)
-    for _ in range(6):
-        twin = copy.deepcopy(controller)
-        plan = controller.step(x, (1.5, 1.5, 0.0), obstacles)
-        np.testing.assert_array_equal(twin.step(x, (1.5, 1.5, 0.0), obstacles).inputs, plan.inputs)
-        x = learned.predict(x, plan.command)

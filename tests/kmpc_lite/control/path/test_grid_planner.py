@@ -1,6 +1,7 @@
 """Paths of robots that turn on the spot: exact around one obstacle, clear of many, or none."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,7 +11,8 @@ from path_requests import found, request
 import kmpc_lite as kl
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.grid_planner import NO_WAY, GridPlanner
-from kmpc_lite.control.path.planner import Path, TimedPath
+from kmpc_lite.control.path.planner import Path, Route, TimedPath
+from kmpc_lite.control.path.ways import outline_distances
 
 PROBLEM = kl.NavigationProblem()
 WIDE = 0.06  # the clearance that is tried first [m]
@@ -78,3 +80,28 @@ def test_what_lies_far_away_makes_the_grid_no_coarser() -> None:
     # a wall that is longer than what is looked at first is driven around
     path = search(ASKED((-1, 0, 0), (1, 0, 0), (), [kl.Wall(0, -40, 0, 9)]))
     assert path.poses[:, 1].max() > 9.0
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+def test_where_the_path_driven_is_blocked_a_narrow_one_beside_it_is_no_detour(blocked) -> None:
+    half = PROBLEM.inflation + 0.6 * WIDE
+    wall = [kl.Wall(0, -9, 0, -half), kl.Wall(0, half, 0, 0.6), kl.Wall(0, 1.2, 0, 3)]
+    asked = ASKED((-1, 0, 0), (1, 0, 0), (), [*wall, *blocked * [kl.Wall(0, 0.6, 0, 3)]], area=8.0)
+    points = np.array([(-1, 0), (-0.2, 0.9), (0.2, 0.9), (1, 0)], dtype=float)
+    driven = Route(points, reverse=False, clearance=WIDE, lost=0.0)
+    path = search(replace(asked, driven=driven))
+    assert path.switched is blocked
+    assert bool(np.abs(path.poses[:, 1]).max() < 0.1) is blocked
+
+
+@pytest.mark.parametrize("ahead", [(), (0.25, 0.02, 0.05), (-0.26, 0.02, 0.05)])
+def test_what_sticks_out_turns_where_it_has_room(ahead: tuple[float, ...]) -> None:
+    outline = kl.Footprint.rectangle(0.3, 0.2)
+    planner = GridPlanner(kl.NavigationProblem(footprint=outline), GuidanceOptions())
+    posts = [(-0.15, -0.17, 0.03), *([ahead] if ahead else [])]
+    asked = ASKED((0, 0, 0), (0, 1.5, 1.6), posts, footprint=outline)
+    poses = found(planner, asked).poses
+    first = int(np.flatnonzero(np.abs(np.diff(poses[:, 2])) > 0.5)[0])
+    assert np.allclose(poses[first, :2], poses[first + 1, :2]) and abs(poses[first, 1]) < 1e-9
+    turn = np.linspace(poses[first], poses[first + 1], 50)
+    assert outline_distances(asked, turn).min() > 0.01

@@ -1,7 +1,5 @@
 """Drives by scans alone: what is not seen to be free is not driven into."""
 
-import copy
-import pickle
 from typing import Any
 
 import numpy as np
@@ -30,15 +28,6 @@ def drive(controller: kl.Controller, pose: Array, steps: int, first: int = 0) ->
         plans.append(plan)
         pose = plant.trace(pose, plan.command, 0.1, 4)[-1]
     return plans
-
-
-def test_a_copy_in_the_middle_of_a_drive_goes_on_to_the_last_bit() -> None:
-    controller = kl.Controller(kl.nominal_unicycle(0.1))
-    pose = drive(controller, START, 12)[-1].states[1]
-    for other in (copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))):
-        ours, theirs = (drive(copy.deepcopy(c), pose, 8, 12) for c in (controller, other))
-        for plan, twin in zip(ours, theirs, strict=True):
-            np.testing.assert_array_equal(plan.states, twin.states)
 
 
 def test_a_robot_that_sees_nothing_stands() -> None:
