@@ -348,7 +348,6 @@ class FieldPlanner:
         good = (kept.min(axis=2) >= 0.0) & within & (costs + to_go < self._price)
         row, column = np.nonzero(good)
         if len(row):
-            # so that a step leaves its cell
             steps = np.minimum(self._steps_at(kept[row, column, 1]), 1.0)
             tree.add(
                 nodes[row],

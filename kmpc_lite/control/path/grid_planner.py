@@ -143,8 +143,7 @@ class GridPlanner:
             poses, start = path.poses.copy(), self._start
             poses[:, 2] += start[2] + wrap(float(poses[0, 2] - start[2])) - poses[0, 2]
             turned = np.array([start[0], start[1], poses[0, 2]])
-            led_out = np.concatenate([start[None], turned[None], poses])
-            self._found = replace(path, poses=led_out)
+            self._found = replace(path, poses=np.concatenate([start[None], turned[None], poses]))
 
     def _try(self, grid: DistanceGrid, kept: float) -> Iterator[int]:
         """Look for paths that keep a distance [m]."""
@@ -237,12 +236,12 @@ class GridPlanner:
         price += extra_time(path, request, o)
         if price >= self._price:
             return
-        poses = poses_along(path, request.start, request.goal)
+        poses = plain = poses_along(path, request.start, request.goal)
         if not self._is_round:
-            poses = turned_where_free(poses, request, self._margin)
+            poses = turned_where_free(plain, request, self._margin)
             price += 0.0 if fits(poses, request, self._margin) else UNFIT_COST
         if price < self._price:
-            self._best = Path(poses, None, self._clearance, not is_like)
+            self._best = Path(poses, None, self._clearance, not is_like, led=poses is not plain)
             self._price = price
 
     def _is_cheapest(self, clearance: float) -> bool:
@@ -253,9 +252,8 @@ class GridPlanner:
         request, driven = self._request, self._request.driven
         if self._best is None:
             return False
-        if driven is not None and self._gets_on and not request.tried:
-            if self._clearance <= driven.clearance:
-                return True
+        if driven and self._gets_on and not request.tried and self._clearance <= driven.clearance:
+            return True
         away = math.dist(request.start[:2], request.goal[:2]) / float(request.forward[0])
         return self._price <= away * narrowness(clearance, self._widest, self._options)
 

@@ -235,6 +235,7 @@ class Path:
     """Whether it leads around some obstacle on another side than the path driven."""
     sideways: bool = False
     """Whether the robot may drive in any direction: then it has no gears."""
+    led: bool = False  # whether it is straight at first, to where the robot comes before it turns
 
     @property
     def gears(self) -> Array:
@@ -376,6 +377,8 @@ class TimedPath:
         """Whether most of it is driven backwards."""
         moved = np.flatnonzero(gears)
         changed = moved[1:][gears[moved[1:]] != gears[moved[:-1]]]
+        if path.led:
+            changed = np.union1d(changed, 1 + moved[:1])
         self.duration = float(times[-1])
         self.drive_end = float(times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
