@@ -308,7 +308,7 @@ def turned_where_free(poses: Array, request: PathRequest, margin: float) -> Arra
     """Poses (K, 3) of a path, led straight ahead or back first if what sticks out has no room.
 
     Where the robot stands it may not turn towards the path's first line: `margin` [m] and as much
-    as its motions need are missing beside it. It turns where they are not, or are missed least.
+    as its motions need are missing beside it. It turns where they are not, or least is missing.
     """
     (start, turned, corner), rest = poses[:3], poses[2:]
     along = np.linspace(0.0, 1.0, 16)[:, None]  # where each part of the way is looked at
