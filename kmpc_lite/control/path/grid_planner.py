@@ -307,8 +307,7 @@ def look_times(request: PathRequest, points: Array, plan_time: float) -> tuple[f
 def turned_where_free(poses: Array, request: PathRequest, margin: float) -> Array:
     """Poses (K, 3) of a path, led straight ahead or back first if what sticks out has no room.
 
-    Where the robot stands it may not turn towards the path's first line: `margin` [m] and as much
-    as its motions need are missing beside it. It turns where they are not, or least is missing.
+    It turns where `margin` [m], and what its motions need, is free beside it, or most of that is.
     """
     (start, turned, corner), rest = poses[:3], poses[2:]
     along = np.linspace(0.0, 1.0, 16)[:, None]  # where each part of the way is looked at
@@ -319,10 +318,11 @@ def turned_where_free(poses: Array, request: PathRequest, margin: float) -> Arra
     ahead = np.array((math.cos(start[2]), math.sin(start[2]), 0.0))
     gear = 1.0 if (corner - start)[:2] @ (math.cos(turned[2]), math.sin(turned[2])) > 0.0 else -1.0
     for way in LED_OUT * float(request.outline[0, 2]):
-        if room >= OUTSIDE or (way < 0.0 and not request.backward[0] > 0.0):
-            continue
         # it turns as soon as it has come half of the way
         out, half = start + way * ahead, start + 0.5 * way * ahead
+        outside = (np.clip(out[:2], *request.area) != out[:2]).any()
+        if room >= OUTSIDE or outside or (way < 0.0 and not request.backward[0] > 0.0):
+            continue
         x, y = gear * (corner - out)[:2]
         turn = np.array((0.0, 0.0, wrap(math.atan2(y, x) - start[2])))
         line = out + turn, np.array((*corner[:2], start[2] + turn[2]))

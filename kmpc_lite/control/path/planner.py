@@ -318,7 +318,7 @@ class InMetres:
             return found
         times = None if found.times is None else found.times / scale.time
         clearance = found.clearance / scale.length
-        return Path(found.poses / scale.state, times, clearance, found.switched, found.sideways)
+        return replace(found, poses=found.poses / scale.state, times=times, clearance=clearance)
 
 
 GRID_STEP = 0.05
