@@ -233,8 +233,9 @@ def _blocks(occupied: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
     """Blocks of so many cells a side, occupied where a cell of theirs is."""
     if side == 1:
         return occupied
-    rows, columns = (np.arange(0, length, side) for length in occupied.shape)
-    return np.logical_or.reduceat(np.logical_or.reduceat(occupied, rows, axis=0), columns, axis=1)
+    height, width = occupied.shape
+    rows = np.logical_or.reduceat(occupied, np.arange(0, height, side), axis=0)
+    return np.logical_or.reduceat(rows, np.arange(0, width, side), axis=1)
 
 
 def _pieces(blocks: NDArray[np.bool_]) -> Array:

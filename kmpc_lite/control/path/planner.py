@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 NEAR_GOAL = 0.3
 """A robot nearer to its goal than this that lags more than its model knows has soon left the place
 where a search began [m]."""
-ROUNDING = 1e-9  # length [m] or angle [rad] that is none
+ROUNDING = 1e-9  # length [m], angle [rad] or time [s] that is none
 
 
 class Route(NamedTuple):
@@ -63,8 +63,9 @@ class Known:
         count = max(int(np.ceil(length / self.cell)), 1)
         along = np.linspace(0.0, length, count + 1)
         places = np.concatenate([[0.0], np.cumsum(lengths)])
-        samples = np.stack([np.interp(along, places, points[:, i]) for i in (0, 1)], axis=1)
-        column, row = np.floor((samples - self.corner) / self.cell).astype(np.intp).T
+        x, y = np.interp(along, places, points[:, 0]), np.interp(along, places, points[:, 1])
+        away = np.stack((x, y), axis=1) - self.corner
+        column, row = np.floor(away / self.cell).astype(np.intp).T
         height, width = self.unknown.shape
         inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
         unknown = ~inside
@@ -328,7 +329,6 @@ DECELERATION = 2.0
 """With which a car's path brakes where it ends or its gear changes: motors may lag unknown to the
 model [m/s^2]."""
 GRID_POSES = 20_000  # most poses of one path: a robot that hardly moves would need more than memory
-INSTANT = 1e-9  # time between two poses that are the same [s]: times must grow
 CUSP_REACH = 0.012  # how short of a change of gear one that follows poses goes on in the other [m]
 AT_GOAL = 1e-6  # distance that rounding leaves to the goal [m]
 
@@ -372,7 +372,7 @@ class TimedPath:
         if path.times is not None:
             needed = np.diff(path.times)
             needed[0] -= skipped / speed[1]  # left to the controller
-        times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, INSTANT))])
+        times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, ROUNDING))])
         self.reverse = bool((gears < 0).sum() > (gears > 0).sum())
         """Whether most of it is driven backwards."""
         moved = np.flatnonzero(gears)
@@ -397,7 +397,7 @@ class TimedPath:
 
     def gear_at(self, time: float) -> int:
         """Gear, 1 or -1, of what is driven after a time [s]."""
-        after = self.timed.times[1:] > time + INSTANT
+        after = self.timed.times[1:] > time + ROUNDING
         return int(next(iter(self._gears[after & (self._gears != 0)]), 1))
 
     def share_at_goal(self, states: Array) -> float:

@@ -75,7 +75,11 @@ class Replanner:
         Returns `refreshed`, `switched`: whether a search has ended in this step; and whether its
         path, or that there is none, leads another way around than the path before.
         """
-        self._watch_turn(state, now)
+        # how far it has turned on the spot where it stands
+        if not math.dist(now.pose[:2], state.stood[:2]) <= ON_THE_SPOT:
+            state.stood, state.turned = now.pose.copy(), 0.0
+        state.turned += wrap(float(now.pose[2] - state.stood[2]))
+        state.stood[2] = now.pose[2]
         strayed = self._watch_place(state, now, off)
         grown = self._watch.has_grown_elsewhere(state, now)
         is_new = not grown and self._is_new(state, now)
@@ -148,13 +152,6 @@ class Replanner:
             tried = path.route(now.pose, state.place, self._options.stall_time)
             state.tried = (*state.tried, tried)[-TRIED_PATHS:]
         return stalled
-
-    def _watch_turn(self, state: GuideState, now: Situation) -> None:
-        """Note how far the robot has turned on the spot where it stands."""
-        if not math.dist(now.pose[:2], state.stood[:2]) <= ON_THE_SPOT:
-            state.stood, state.turned = now.pose.copy(), 0.0
-        state.turned += wrap(float(now.pose[2] - state.stood[2]))
-        state.stood[2] = now.pose[2]
 
     def _is_new(self, state: GuideState, now: Situation) -> bool:
         """Whether the goal or the map is another one than the last search was begun for."""

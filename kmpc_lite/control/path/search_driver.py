@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +20,6 @@ from kmpc_lite.control.path.ways import outline_distances
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.world.sight import View
 
 GOAL_SLACK = 0.5
 """A path that begins near the goal may end beside it, by this share of the distance at which the
@@ -74,12 +70,12 @@ class SearchDriver:
             start = state.path.at(np.array([state.place + lead]))[0]
             start[2] -= nearest_turn(float(start[2] - now.pose[2]))
         same_goal = bool((now.target == state.goal).all())
-        known = None if now.task.view is None else _known(now.task.view)
-        if now.task.view is None:
-            state.known_solids, state.coarseness = now.task.solids, 0.0
-        else:
-            state.known_solids = now.task.view.solids(now.task.solids)
-            state.coarseness = now.task.view.coarseness
+        known = None
+        state.known_solids, state.coarseness = now.task.solids, 0.0
+        if (view := now.task.view) is not None:
+            state.known_solids, state.coarseness = view.solids(now.task.solids)
+            blind = view.blind_turn(0.0), view.blind_turn(math.pi)
+            known = Known(*view.unknown_cells(), blind, state.coarseness)
         state.goal, state.circles = now.target.copy(), now.told.copy()
         state.solids, state.age, state.centre_moved = now.task.solids, 0.0, False
         can, progress = now.capabilities, state.progress
@@ -265,10 +261,3 @@ class SearchDriver:
         around = max(nearest - self._turning, 0.0)
         shares = length / FREE_TURN_LENGTH, around / FREE_TURN_CLEARANCE
         return self._options.free_turn * min(1.0, *shares)
-
-
-def _known(view: View) -> Known:
-    """What scans have shown, as a planner needs it."""
-    cells, corner, side = view.unknown_cells()
-    blind = view.blind_turn(0.0), view.blind_turn(math.pi)
-    return Known(cells, corner, side, blind, view.coarseness)

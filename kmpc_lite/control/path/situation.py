@@ -198,7 +198,11 @@ class Surveyor:
         """See all that the guide is asked; a goal outside the area is moved to its edge."""
         pose, goal, rest = task.pose, task.goal, task.rest
         tolerance = capabilities.tolerances.enter_distance
-        outside = self._lies_outside(goal, tolerance)
+        (x, y, _), low, high = goal.tolist(), self._low, self._high
+        outside = not (
+            low[0] - tolerance <= x <= high[0] + tolerance
+            and low[1] - tolerance <= y <= high[1] + tolerance
+        )
         if outside:
             goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
         target, centre = goal, state.turning_centre
@@ -221,12 +225,6 @@ class Surveyor:
             capabilities=capabilities,
             outside=outside,
         )
-
-    def _lies_outside(self, goal: Array, tolerance: float) -> bool:
-        """Whether a goal (3,) lies outside the area by more than a tolerance."""
-        (x, y, _), low, high = goal.tolist(), self._low, self._high
-        inside_x = low[0] - tolerance <= x <= high[0] + tolerance
-        return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
 
     def _moving(
         self, state: GuideState, capabilities: Capabilities, task: GuideTask

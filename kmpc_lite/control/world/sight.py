@@ -38,6 +38,7 @@ FREE_DISTANCE = 20.0
 there before and is gone."""
 STARE_DISTANCE = 6.0
 """How far from the scanner such cells are noted [radii]: what is farther is looked at again."""
+FINEST = 3  # most cells side by side, for a path search, as one of the map
 TRAIL = 64  # how many poses of the past are kept, to tell where old beams were sent from
 SAME_PLACE = 0.5
 """How far the robot may have come, or its edge may have turned, since a scan that is told again
@@ -106,8 +107,12 @@ class Sight:
         scans = self.without_robot(scans)
         for look in filter(None, map(outlook_of, scans)):
             here.look_out(look)
-        rays = [Rays(s, self._pose_of(here, s, pose), here.cell) for s in scans]
-        for ray in rays:
+        rays = list[Rays]()
+        for scan in scans:
+            taken = pose  # where the robot was then, (3,) or (B, 3)
+            if scan.age or scan.time_increment:
+                taken = here.poses_at(scan.ages if scan.time_increment else np.array(scan.age))
+            rays.append(ray := Rays(scan, taken, here.cell))
             self._clear(here, ray)
             self._look_in_vain(here, ray)
         if rays:
@@ -137,13 +142,6 @@ class Sight:
         reach = max(scan.range_max for scan in scans)
         half = min(max(MAP_REACH * reach, 2.0 * self.reach), 0.5 * most)
         return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
-
-    def _pose_of(self, here: LocalMap, scan: LaserScan, pose: Array) -> Array:
-        """Where the robot was when a scan was taken, (3,) or (B, 3)."""
-        if not scan.age and not scan.time_increment:
-            return pose
-        ages = scan.ages if scan.time_increment else np.array(scan.age)
-        return here.poses_at(ages)
 
     def _clear(self, here: LocalMap, rays: Rays) -> None:
         """Take note of what rays passed through; farther away only of what was occupied."""
@@ -273,8 +271,6 @@ class View:
         """What was hit near the robot; none if nothing was."""
         self.unknown = NOTHING.with_boxes(self._unknown) if self._unknown else None
         """What was not seen to be free near the robot; none if all was."""
-        self.coarseness = math.sqrt(2.0) * here.cell
-        """How far cells may stand out of what was hit in them."""
 
     def around(self, solids: Nearby | None) -> Nearby | None:
         """Solids that the robot can come to, what was hit, and what was not seen to be free."""
@@ -334,22 +330,34 @@ class View:
         left, bottom = left + here.column, top + here.row
         sides = here.cell * (library.rectangles(unknown) + (left, bottom, left, bottom))
         # a wall is told by few half-planes, noise and all
-        both = hits, (sides[:, :2], sides[:, 2:])
-        found, dark = (
-            [Boxes(low, high, WORLD, here.cell)] if len(low) else [] for low, high in both
-        )
+        found = [Boxes(*hits, WORLD, here.cell)] if len(hits[0]) else []
+        dark = [Boxes(sides[:, :2], sides[:, 2:], WORLD, here.cell)] if len(sides) else []
         return found, dark
 
-    def solids(self, given: Solids | None) -> Solids | None:
-        """All that is known to be occupied, with solids that are given, for a path search."""
-        here = self._map
-        is_hit = (here.state > 0) | (here.state <= IN_VAIN)
-        rows, columns = np.flatnonzero(is_hit.any(axis=1)), np.flatnonzero(is_hit.any(axis=0))
-        if not len(rows):
-            return given
-        (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
-        occupied, cell = is_hit[bottom:top, left:right], here.cell
-        corner = cell * np.array([here.column + left, here.row + bottom])
+    def solids(self, given: Solids | None) -> tuple[Solids | None, float]:
+        """All that is known to be occupied, with solids that are given, for a path search.
+
+        And how far cells may stand out of what was hit in them: a small map gets finer ones.
+        """
+        here, side = self._map, self._map.cell
+        whole = 0, here.state.shape[0], 0, here.state.shape[1]
+        low, high = library.hit_boxes(here.state, here.extent, whole, here.place)
+        row, column = (here.state <= IN_VAIN).nonzero()
+        vain = side * (np.array((column, row)).T + (here.column, here.row))
+        low, high = np.concatenate([low, vain]), np.concatenate([high, vain + side])
+        if not len(low):
+            return given, 0.0
+        width, height = (high.max(axis=0) - low.min(axis=0)).tolist()
+        most = self._sight.options.most_cells / math.sqrt((width / side + 1) * (height / side + 1))
+        cell = side / min(max(int(most), 1), FINEST)
+        first, last = np.floor(low / cell).astype(int), np.floor(high / cell).astype(int)
+        begin, spans = first.min(axis=0), last - first
+        occupied = np.zeros((last.max(axis=0) - begin + 1)[::-1], dtype=bool)
+        for beside in range(spans.max() + 1):
+            for above in range(spans.max() + 1):
+                column, row = (first - begin + np.minimum((beside, above), spans)).T
+                occupied[row, column] = True
+        corner = cell * begin
         # of dense noise: in larger cells, which hold all that the smaller ones did
         while count_runs(occupied) > USUAL_OBSTACLES.grid_runs:
             height, width = occupied.shape
@@ -357,7 +365,8 @@ class View:
             occupied = (even[::2] | even[1::2])[:, ::2] | (even[::2] | even[1::2])[:, 1::2]
             cell *= 2.0
         others = () if given is None else given.solids
-        return Solids([*others, OccupancyGrid(occupied, cell, corner)])
+        found = Solids([*others, OccupancyGrid(occupied, cell, corner)])
+        return found, math.sqrt(2.0) * cell
 
     def blocks(self, points: Array, distance: float) -> bool:
         """Whether something that was hit is nearer than a distance to any of points (n, 2)."""

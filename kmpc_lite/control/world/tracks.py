@@ -127,7 +127,9 @@ class Tracks:
     @property
     def velocity_deviations(self) -> Array:
         """(M,) standard deviation of the velocity along its worst axis [m/s]."""
-        return _worst_axis(self.covariances[:, 2:4, 2:4])
+        of = self.covariances
+        a, b, d = of[:, 2, 2], of[:, 2, 3], of[:, 3, 3]
+        return np.asarray(np.sqrt(0.5 * (a + d) + np.hypot(0.5 * (a - d), b)))
 
 
 @dataclass(slots=True)
@@ -217,13 +219,6 @@ class Follower:
 def stand(things: Array) -> NDArray[np.bool_]:
     """Which things (M, 7) are given to stand, and were not seen to move."""
     return np.logical_not(things[:, [3, 4, SPREAD_RATE]].any(axis=1))
-
-
-def _worst_axis(covariances: Array) -> Array:
-    """Standard deviations (M,) along the worst axes of covariances (M, 2, 2)."""
-    a, b, d = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
-    out: Array = np.sqrt(0.5 * (a + d) + np.hypot(0.5 * (a - d), b))
-    return out
 
 
 def clusters(scan: LaserScan, pose: Array, robot: float, largest: float = LARGEST) -> Array:

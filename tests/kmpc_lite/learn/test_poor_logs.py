@@ -22,12 +22,6 @@ NOISE = (0.002, 0.002, 0.004)
 real = pytest.mark.skipif(not ROVER.is_dir(), reason="needs ../shared/data/rover_sitl")
 
 
-def late_log(seconds: int, seed: int, lag: float = 0.1, dead_time: float = 0.1) -> kl.Dataset:
-    """One drive of a robot that answers late and does not slip."""
-    robot = LaggingDrive(lag, dead_time, 0.0, seed=seed)
-    return drive_log(robot, 1, 10 * seconds, 0.1, seed, hold=7, pose_noise=NOISE)
-
-
 def piece(log: kl.Dataset, begin: int, end: int) -> kl.Dataset:
     """Rows of a log of one episode."""
     (whole,) = log.episodes

@@ -21,15 +21,6 @@ def look(pose: Array, seed: int, world: World = WORLD, **options: Any) -> kl.Las
     return kl.LaserScan(ranges, directions[0], directions[1] - directions[0], spec.reach, **options)
 
 
-def drive(controller: kl.Controller, pose: Array, steps: int, first: int = 0) -> list[kl.Plan]:
-    plant, plans = DifferentialDrive(), []
-    for k in range(first, first + steps):
-        plan = controller.step(pose, GOAL, [look(pose, k)])
-        plans.append(plan)
-        pose = plant.trace(pose, plan.command, 0.1, 4)[-1]
-    return plans
-
-
 def test_a_robot_that_sees_nothing_stands() -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1))
     nothing, pose = kl.LaserScan(np.full(360, np.nan), 0.0, 0.0175, 4.0), START

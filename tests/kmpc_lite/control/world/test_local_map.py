@@ -5,9 +5,10 @@ import pytest
 from seen_maps import hit_boxes
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels import library
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.world.local_map import UNKNOWN, LocalMap
-from kmpc_lite.control.world.sight import Sight
+from kmpc_lite.control.world.sight import Sight, View
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -108,3 +109,15 @@ def test_scans_of_the_past_are_seen_from_where_the_robot_was_then() -> None:
     assert seen is not None
     x = np.sort(hit_boxes(seen)[0][:, 0])
     np.testing.assert_allclose(x, [1.0, 1.1], atol=1e-6)
+
+
+@pytest.mark.parametrize(("most_cells", "finer"), [(400, 3), (40, 1)])
+def test_a_path_search_sees_all_that_was_hit_and_little_more(most_cells: int, finer: int) -> None:
+    s, pose = sight(most_cells=most_cells), np.array([0.013, 0.031, 0.3])
+    seen = look(s, None, ROUND, pose)
+    solids, coarse = View(s, seen, pose).solids(None)
+    assert solids is not None and coarse == pytest.approx(np.sqrt(2.0) * seen.cell / finer)
+    points = np.random.default_rng(1).uniform(-1.5, 1.5, (2000, 2))
+    exact = library.box_distances(*hit_boxes(seen), points)
+    lost = (exact - solids.whole.least(points))[exact > coarse]
+    assert -1e-6 <= lost.min() and 0.5 * coarse < lost.max() <= coarse + 1e-6
