@@ -92,7 +92,10 @@ class Replanner:
         cut = state.search is None and not at_once and self._watch.watch_path(state, now)
         if at_once or cut:
             state.progress.least_left = -math.inf  # what comes next begins a new count
-        renewed = grown or (state.search is None and self._watch.is_to_be_renewed(state, now))
+        # what was in the way may have gone
+        looks = now.task.view is not None and state.path is not None and not state.turning
+        is_old = looks and now.distance > NEAR_GOAL and state.age > REFRESH_INTERVAL
+        renewed = grown or (state.search is None and is_old)
         begins = at_once or cut or stalled or renewed or (strayed and state.search is None)
         if begins:
             state.only_renews = renewed and not (at_once or cut or stalled or strayed)
@@ -200,12 +203,6 @@ class PathWatch:
             return False  # more than can be looked at in a step
         points = self._points_ahead(state, now, path)
         return not len(points) or bool((solids.whole.least(points) >= self._inflation).all())
-
-    def is_to_be_renewed(self, state: GuideState, now: Situation) -> bool:
-        """Whether to look if what was in the way has gone."""
-        if now.task.view is None or state.path is None or state.turning:
-            return False
-        return now.distance > NEAR_GOAL and state.age > REFRESH_INTERVAL
 
     def watch_path(self, state: GuideState, now: Situation) -> bool:
         """Look at times whether something that scans have shown lately stands on the path."""

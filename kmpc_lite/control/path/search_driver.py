@@ -209,7 +209,10 @@ class SearchDriver:
         if search.only_tells:
             found = search.only_tells if isinstance(found, str) else BLOCKED
         if isinstance(found, str):
-            if state.only_renews and previous is not None:
+            # what scans show at the goal may go until the robot comes there
+            may_go = search.refusal and search.same_goal and now.task.view is not None
+            drives_on = may_go and abs(now.task.speed) > STANDS
+            if previous is not None and (state.only_renews or drives_on):
                 return False
             state.waiting = request.start if state.waiting is None else state.waiting
             state.path, state.why_none = None, found

@@ -21,14 +21,14 @@ def look(pose: Array, seed: int, world: World = WORLD, **options: Any) -> kl.Las
     return kl.LaserScan(ranges, directions[0], directions[1] - directions[0], spec.reach, **options)
 
 
-def test_a_robot_that_sees_nothing_stands() -> None:
-    controller = kl.Controller(kl.nominal_unicycle(0.1))
-    nothing, pose = kl.LaserScan(np.full(360, np.nan), 0.0, 0.0175, 4.0), START
-    for _ in range(20):
-        plan = controller.step(pose, GOAL, [nothing])
+def test_a_robot_drives_on_towards_a_goal_on_which_something_stands() -> None:
+    controller, pose, stood = kl.Controller(kl.nominal_unicycle(0.1)), START, []
+    taken = World(np.vstack([CIRCLES, (1.5, 0.0, 0.1, 0.0, 0.0)]), box_edges(-2.2, -2.2, 2.2, 2.2))
+    for k in range(90):
+        plan = controller.step(pose, GOAL, [look(pose, k, taken if k > 9 else WORLD)])
         pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
-    # within the cells that it stood on
-    assert np.hypot(*(pose - START)[:2]) < 0.05
+        stood += [pose] if abs(plan.command[0]) < 0.05 else []
+    assert np.hypot(*(stood[0] - GOAL)[:2]) < 0.5 and "the goal lies so near" in plan.reason
 
 
 def test_plans_stay_within_what_was_seen_to_be_free() -> None:
