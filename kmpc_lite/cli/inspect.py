@@ -26,13 +26,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tell what each log holds and what is suspect in it; exit status 1 where something is."""
+    from kmpc_lite.errors import DataError
     from kmpc_lite.learn.formats.readers import find_logs
     from kmpc_lite.learn.loading import inspect
 
     if options.plot is not None:
         need("a picture", "matplotlib")
         keep_inputs(options.plot, *options.log)
-        check_picture(options.plot)
+        if options.plot.suffix.lower() not in (".svg", ".png"):
+            raise DataError(f"{options.plot}: expected a picture's ending, .svg or .png")
     how = read_options(options)
     found = [inspect(file, how) for file in find_logs(options.log)]
     if options.plot is not None:
@@ -45,14 +47,6 @@ def run(options: argparse.Namespace) -> int:
         if options.plot is not None:
             print(f"wrote  {options.plot}")
     return SUSPICIOUS if any(f.suspects for f in found) else 0
-
-
-def check_picture(file: Path) -> None:
-    """Refuse an ending that no picture has, before anything is read."""
-    from kmpc_lite.errors import DataError
-
-    if file.suffix.lower() not in (".svg", ".png"):
-        raise DataError(f"{file}: expected a picture's ending, .svg or .png")
 
 
 def describe(found: Findings) -> str:

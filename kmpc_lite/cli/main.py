@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
-    warnings.showwarning = _warn  # type: ignore[assignment]
+    warnings.showwarning = lambda told, *_: print(f"kmpc: warning: {told}", file=sys.stderr)
     try:
         try:
             options = build_parser(known_commands(), words).parse_args(words)
@@ -68,11 +68,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return told(f"{where}{error.strerror or error}")
     except KeyboardInterrupt:
         return told("stopped", INTERRUPTED)
-
-
-def _warn(message: Warning | str, *_: object) -> None:
-    """Tell what the library warns of in one line."""
-    sys.stderr.write(f"kmpc: warning: {message}\n")
 
 
 class _Complaint:

@@ -25,13 +25,6 @@ which it is commanded to turn; length of a stretch that shows a turn on the spot
 are needed; share of its usual turn gain below which a robot does not turn on the spot."""
 
 
-def refuse_frozen(dataset: Dataset) -> None:
-    """Raise DataError for a log whose poses never move though commands are given."""
-    moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
-    if moved <= 1e-9 < float(np.abs(dataset.inputs).max(initial=0.0)):
-        raise DataError(NEVER_MOVES)
-
-
 def refuse_car_like(dataset: Dataset) -> None:
     """Raise DataError for a robot that is told to turn on the spot and does not, however late."""
     delay = mean_delay(dataset)
@@ -186,7 +179,9 @@ def _fit_chosen(
         log = None if whole is None else let_through(whole, found)
         model = _fit_chosen(let_through(dataset, found), base, noise, False, log, stay)
         return with_ramps(model, dataset, found)
-    refuse_frozen(dataset)
+    moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
+    if moved <= 1e-9 < float(np.abs(dataset.inputs).max(initial=0.0)):
+        raise DataError(NEVER_MOVES)
     refuse_car_like(dataset)
     model = build_model(select(dataset, whole, stay), base, dataset.dt)
     return with_noise(model, dataset) if noise else model

@@ -253,12 +253,6 @@ class Row(NamedTuple):
         return solve_columns(self.fitted(moment).sum(axis=0), self.columns(terms), self.base)
 
 
-def _turns_ahead(log: Dataset) -> bool:
-    """Whether a log shows how the robot turns while it drives."""
-    parts = find_coverage([e.inputs for e in log.episodes], log.dt).parts
-    return {part.name for part in parts if part.is_shown} >= TURNING_AHEAD
-
-
 class _Chooser:
     """Chooses the terms of each row by the moments of one log."""
 
@@ -266,7 +260,9 @@ class _Chooser:
         self._commands, self._steered = log.commands, log.steered
         kinds = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
         self._ladders: tuple[Ladder, ...] = kinds
-        if not (log.steered or _turns_ahead(log)):
+        parts = find_coverage([e.inputs for e in log.episodes], log.dt).parts
+        shown = {part.name for part in parts if part.is_shown}
+        if not (log.steered or shown >= TURNING_AHEAD):
             # how it turns while it drives would be a guess
             named = enumerate(terms_of(log.commands))
             mixed = {k for k, term in named if "omega" in term and term[0] in "vl"}

@@ -73,18 +73,8 @@ def _is_number(value: Any) -> bool:
     return kind and abs(value) < 1e300 and math.isfinite(value)
 
 
-def _is_float(value: Any) -> bool:
-    """Any number that a float holds, infinity too."""
-    return isinstance(value, float) or _is_number(value)
-
-
 def _is_count(value: Any) -> bool:
     return _is_number(value) and value > 0
-
-
-def _is_delay(value: Any) -> bool:
-    """Whether a value is a time that a robot may take to answer [s]."""
-    return _is_number(value) and 0.0 <= value <= 10.0
 
 
 def _is_gains(value: Any) -> bool:
@@ -174,8 +164,8 @@ def _is_outline(value: Any) -> bool:
 
 KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "samples": (_is_count, "a number of samples"),
-    "condition": (_is_float, "a number"),
-    "unmodelled_delay": (_is_delay, "a time from 0 to 10 s"),
+    "condition": (lambda v: isinstance(v, float) or _is_number(v), "a number"),  # infinity, too
+    "unmodelled_delay": (lambda v: _is_number(v) and 0.0 <= v <= 10.0, "a time from 0 to 10 s"),
     "adaptation": (_is_gains, "a table of gains"),
     "held_out": (_is_errors, "a table of errors"),
     "noise_quantiles": (_is_quantiles, "risks and their quantiles: calibrate it anew"),

@@ -175,6 +175,8 @@ def _meant(name: str, columns: Sequence[tuple[int, str]]) -> list[int]:
     """Numbers of the columns that `name` may mean by what they are called."""
     whole, endings = NAMES[name]
     told = {k: _plain(theirs, name)[0] for k, theirs in columns}
+    if name in WAYS["command"][0]:  # what odometry tells was measured, not commanded
+        told = {k: words for k, words in told.items() if "twist_twist" not in words}
     is_pose = any(name in way for kind in ("position", "heading") for way in WAYS[kind])
     # then without what tells a command; a goal is no pose
     bare = {k: "_".join(w for w in t.split("_") if w not in WANTED) for k, t in told.items()}

@@ -6,7 +6,7 @@ import csv
 import io
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -80,24 +80,29 @@ def read_table(file: Path, options: ReadOptions) -> Log:
 
     Raises DataError with file, line and column, for whatever is wrong.
     """
-    table, notes = _read(file, options)
-    found, columns, time = table.found, table.columns, table.columns["t"]
-    if options.commands is None and not found.command:
+    whole, commands = _read(file, options), options.commands
+    found = whole.found
+    if commands is None and _told_apart(whole):
+        commands = file
+    table, notes = _complete(whole, options.force, found.command if commands else ())
+    columns, time = table.columns, table.columns["t"]
+    if commands is None and not found.command:
         missing = [name for name in WAYS["command"][0] if name not in columns]
         named = " ".join(f"{name}=NAME" for name in missing)
+        measured = "; twist.twist is what odometry measured" * ("twist.twist" in str(found.header))
         raise DataError(
             f"{file}: {table.where(-1)}: {', '.join(missing)} missing; expected "
             f"{','.join(COLUMNS)}, got {listed(found.header)}; --columns {named} tells which they "
-            "are, --commands FILE gives commands that lie elsewhere"
+            f"are, --commands FILE gives commands that lie elsewhere{measured}"
         )
     notes = (*found.notes(options.columns), *notes)
     poses = Series(time, _poses(table, options), str(file))
-    if options.commands is not None:
-        other, more = _read(options.commands, options, poses=False)
+    if commands is not None:
+        other, more = _complete(_read(commands, options, poses=False), options.force)
         for name, theirs in options.columns.items():
             if theirs not in (*found.header, *other.found.header):
                 lacks = f"{file}: columns: {name}={short(theirs)}: no such column"
-                raise DataError(f"{lacks}, nor in {options.commands}")
+                raise DataError(f"{lacks}, nor in {commands}")
         values, kinds = _commands(other, options)
         held = Series(other.columns["t"], values, str(other.file))
         held = in_units(held, kinds, other.found.units)
@@ -129,34 +134,52 @@ def _chosen(options: ReadOptions, header: Sequence[str]) -> Mapping[str, str]:
     return {name: theirs for name, theirs in options.columns.items() if theirs in header}
 
 
-def _read(file: Path, options: ReadOptions, poses: bool = True) -> tuple[Table, tuple[str, ...]]:
-    """Rows in which nothing is missing, and a note on the others.
-
-    Where most rows miss something, all are kept, and the check names the first.
-    """
+def _read(file: Path, options: ReadOptions, poses: bool = True) -> Table:
+    """All rows, with NaN where something is missing."""
     if file.suffix.lower() == ".npz":
-        table = _read_npz(file, options, poses)
-    else:
-        try:
-            table = _read_text(file, options, poses, tolerant=False)
-        except DataError:
-            raise
-        except ValueError:  # values are missing, times are dates, or something is wrong
-            table = _read_text(file, options, poses, tolerant=True)
-    notes: tuple[str, ...] = ()
-    lacking = {name: np.isnan(values) for name, values in table.columns.items()}
-    kept = ~np.any(list(lacking.values()), axis=0)
-    if not kept.all() and 2 * int(kept.sum()) >= len(kept):
-        rows, whole = np.flatnonzero(kept), table
+        return _read_npz(file, options, poses)
+    try:
+        return _read_text(file, options, poses, tolerant=False)
+    except DataError:
+        raise
+    except ValueError:  # values are missing, times are dates, or something is wrong
+        return _read_text(file, options, poses, tolerant=True)
+
+
+def _told_apart(table: Table) -> bool:
+    """Whether poses and commands stand in rows of their own, as where topics are exported."""
+    lacks = {n: np.isnan(values) for n, values in table.columns.items() if n != "t"}
+    commands = [lacks.pop(n) for n in table.found.command]
+    posed, told = ~np.any([*lacks.values()], axis=0), ~np.any(commands, axis=0)
+    return bool(commands) and 2 * np.sum(posed & told) < min(np.sum(posed), np.sum(told))
+
+
+def _complete(
+    table: Table, force: bool, others: Collection[str] = ()
+) -> tuple[Table, tuple[str, ...]]:
+    """Rows in which nothing is missing but in `others`, and a note on the rest.
+
+    Where most rows miss something, all are kept, and the check names the first; those without any
+    value belong to something else.
+    """
+    columns = {n: values for n, values in table.columns.items() if n not in others}
+    lacking, notes, where = (
+        {n: np.isnan(v) for n, v in columns.items()},
+        tuple[str, ...](),
+        table.where,
+    )
+    empty = np.all([lacks for n, lacks in lacking.items() if n != "t"], axis=0)
+    kept = ~np.any([*lacking.values()], axis=0)
+    if not kept.all() and 2 * int(kept.sum()) >= int((~empty).sum()):
+        rows, lost = np.flatnonzero(kept), int((~kept & ~empty).sum())
         names = ", ".join(table.found.shown(n) for n, missing in lacking.items() if missing.any())
-        notes = (f"{len(kept) - len(rows)} rows without a number in {names} were left out",)
-        table = replace(
-            whole,
-            columns={name: values[rows] for name, values in whole.columns.items()},
-            where=lambda row: whole.where(int(rows[row]) if row >= 0 else row),
-        )
-    _check(table, options.force)
-    return table, notes
+        if lost:
+            notes = (f"{lost} rows without a number in {names} were left out",)
+        columns = {n: values[rows] for n, values in columns.items()}
+        where = lambda row: table.where(int(rows[row]) if row >= 0 else row)  # noqa: E731
+    complete = replace(table, columns=columns, where=where)
+    _check(complete, force)
+    return complete, notes
 
 
 def _check(table: Table, force: bool) -> None:
@@ -368,6 +391,9 @@ def _layout(file: Path, lines: Iterator[str]) -> Layout:
             most = max(DELIMITERS, key=text.count)
             delimiter = most if most in text else None
             names = [name.strip() for name in _values(text, delimiter)]
+            if all(map(_is_number, names)):
+                told = f"line {number} holds numbers; expected a header before it, as of"
+                raise DataError(f"{file}: {told} {','.join(COLUMNS)}")
             return Layout(names, delimiter, number, "", f"line {number}: header")
     raise DataError(f"{file}: {MAX_REMARKS} lines of remarks; expected {','.join(COLUMNS)}")
 

@@ -65,11 +65,3 @@ def test_sizes_that_are_none_are_refused(words, told, tmp_path: Path, capsys) ->
     log = write_log(tmp_path / "log.csv", "car")
     assert main(["fit", str(log), "-o", str(tmp_path / "m.npz"), *words]) == 2
     assert told in capsys.readouterr().err
-
-
-def test_a_symmetric_model_without_lag_is_exported(tmp_path: Path) -> None:
-    from kmpc_lab import DifferentialDrive, generate_dataset
-
-    data = generate_dataset(DifferentialDrive(), episodes=10, steps=100, dt=0.1, seed=0)
-    model = kl.fit(data, kl.HermiteTrigDictionary(0))
-    assert kl.export(model, kl.NavigationProblem(), tmp_path / "c").is_dir()

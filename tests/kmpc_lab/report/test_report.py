@@ -61,16 +61,6 @@ def test_the_report_is_one_file_that_shows_the_numbers(runs, name, tmp_path):
     assert all(getattr(again, f.name) == getattr(run.scenario, f.name) for f in fields(Scenario))
 
 
-def test_the_page_says_what_drove(runs, tmp_path, blank):
-    for plant, words in (
-        ("slip", "with the slip, lag and floors of the scenario"),
-        ("learned", "behaves as the model does"),
-        ("a rover <of mine>", "a rover <of mine>; the scenario's [plant] does not act"),
-    ):
-        write_report(tmp_path / "run.html", replace(runs["single"], info={"plant": plant}))
-        assert words in Page(tmp_path / "run.html").words
-
-
 def test_the_page_shows_the_options_that_were_changed(runs, tmp_path, blank):
     tuned = {"guidance": {"lead_time": 0.35}, "solver": {"real_time": {"max_iter": 80}}}
     options = kl.ControllerOptions.from_dict(tuned)

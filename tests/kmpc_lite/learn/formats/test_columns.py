@@ -53,6 +53,8 @@ def test_columns_and_units_that_the_user_names(tmp_path: Path) -> None:
     path = written(tmp_path / "run.csv", "a,b,c,d,e,f", ",", TABLE * [1, 1, 1, -180 / np.pi, 1, 1])
     with pytest.raises(kl.DataError, match=r"line 1: header: t, x, y, theta missing.*--columns t="):
         kl.Dataset.load(path)
+    with pytest.raises(kl.DataError, match="line 1 holds numbers; expected a header before it"):
+        kl.Dataset.load(written(tmp_path / "bare.csv", "0,1,2,3,4,5", ",", TABLE))
     names = dict(zip(("t", "x", "y", "theta", "v", "omega"), "abcdef", strict=True))
     data = kl.Dataset.load(path, columns=names, units={"theta": "-deg"})
     np.testing.assert_allclose(data.episodes[0].states[:5], TABLE[:5, 1:4], atol=1e-7)
@@ -77,6 +79,9 @@ def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None
     poses = written(tmp_path / "poses.csv", "t,x,y,theta", ",", TABLE[:, :4])
     with pytest.raises(kl.DataError, match="v, omega missing.*--commands FILE"):
         kl.Dataset.load(poses)
+    odometry = "t,x,y,theta,twist.twist.linear.x,twist.twist.angular.z"
+    with pytest.raises(kl.DataError, match="v, omega missing.*twist.twist is what odometry"):
+        kl.Dataset.load(written(tmp_path / "odom.csv", odometry, ",", TABLE))
     beside = written(tmp_path / "cmd.csv", "t,v,omega", ",", TABLE[:, [0, 4, 5]])
     assert kl.Dataset.load(poses, commands=beside).steps > 30
     early = written(tmp_path / "early.csv", "t,v,omega", ",", TABLE[:, [0, 4, 5]] - [100, 0, 0])

@@ -96,6 +96,19 @@ def test_rows_with_a_value_missing_are_left_out_and_counted(tmp_path: Path) -> N
         read_log(made)
 
 
+def test_poses_and_commands_may_stand_in_rows_of_their_own(tmp_path: Path) -> None:
+    t, table = TABLE[:, 0].tolist(), as_lists(TABLE)
+    poses = [[*row[:4], "", "", ""] for row in table]
+    commands = [[a - 0.003, "", "", "", *row[4:], ""] for a, row in zip(t, table, strict=True)]
+    others = [[a + 0.001 * k, "", "", "", "", "", 12.1] for a in t for k in (5, 15, 25)]
+    mixed = sorted([*poses, *commands[::2], *others], key=lambda row: row[0])
+    log = read_log(write(tmp_path / "run.csv", f"{HEADER},battery", mixed))
+    np.testing.assert_allclose(log.poses.values, TABLE[:, 1:4])
+    np.testing.assert_allclose(log.commands.values, TABLE[::2, 4:])
+    np.testing.assert_allclose(log.commands.time, TABLE[::2, 0] - 0.003)
+    assert log.where(1) == "line 7" and not inspect(tmp_path / "run.csv").suspects
+
+
 def test_nanoseconds_since_1970_are_known(tmp_path: Path) -> None:
     table = as_lists(TABLE)
     for row in table:
