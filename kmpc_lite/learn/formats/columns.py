@@ -58,6 +58,7 @@ COMMANDED = ("cmd", "command", "commanded", "target", "setpoint")
 """Words that tell a command from a measured speed, ..."""
 WANTED = (*COMMANDED, "desired", "ref", "reference")
 """... and those that may tell it from what a path was to be driven at."""
+MEASURED = "no commands are logged: measured speeds stand in for them, without the motors' lag"
 LONGEST_NAME = 100  # most characters of a column's name that are searched for a unit
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 SUFFIXES = "ns us ms sec deg rad mm cm mps rpm degps dps radps kmh kph".split()
@@ -94,6 +95,8 @@ class Found:
                 f"{taken} are learned from; commands may be in {', '.join(map(short, others[:4]))},"
                 " too (--columns v=... omega=...)"
             )
+        if own and all(re.search(r"twist\Wtwist", name) for name in own):  # of nav_msgs/Odometry
+            lines.append(f"{MEASURED} (--commands FILE gives them)")
         return tuple(lines)
 
 
@@ -175,8 +178,6 @@ def _meant(name: str, columns: Sequence[tuple[int, str]]) -> list[int]:
     """Numbers of the columns that `name` may mean by what they are called."""
     whole, endings = NAMES[name]
     told = {k: _plain(theirs, name)[0] for k, theirs in columns}
-    if name in WAYS["command"][0]:  # what odometry tells was measured, not commanded
-        told = {k: words for k, words in told.items() if "twist_twist" not in words}
     is_pose = any(name in way for kind in ("position", "heading") for way in WAYS[kind])
     # then without what tells a command; a goal is no pose
     bare = {k: "_".join(w for w in t.split("_") if w not in WANTED) for k, t in told.items()}

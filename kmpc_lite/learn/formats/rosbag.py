@@ -13,7 +13,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import heading_of
-from kmpc_lite.learn.formats.columns import short
+from kmpc_lite.learn.formats.columns import MEASURED, short
 from kmpc_lite.learn.formats.streams import Thinned, two_or_three
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
@@ -84,7 +84,7 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
     poses, commanded = (_series(path, w, s) for w, s in zip((pose, command), series, strict=True))
     notes = [f"poses: {poses.source}; commands: {commanded.source}"]
     if measured:
-        notes.append("no commands are in the bag: the odometry's measured speeds stand in for them")
+        notes.append(f"{MEASURED} (--topics cmd=NAME tells where they are)")
     if broken:
         notes.append(f"{broken} messages without an orientation or with NaN were left out")
     log = Log(str(path), poses, commanded, measured=measured, topics=topics, notes=tuple(notes))

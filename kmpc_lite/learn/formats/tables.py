@@ -23,6 +23,7 @@ from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
     CAR_OMEGA,
     COLUMNS,
+    MEASURED,
     QUATERNION,
     WAYS,
     Found,
@@ -80,20 +81,17 @@ def read_table(file: Path, options: ReadOptions) -> Log:
 
     Raises DataError with file, line and column, for whatever is wrong.
     """
-    whole, commands = _read(file, options), options.commands
-    found = whole.found
-    if commands is None and _told_apart(whole):
-        commands = file
+    whole = _read(file, options)
+    found, commands = whole.found, options.commands or (file if _told_apart(whole) else None)
     table, notes = _complete(whole, options.force, found.command if commands else ())
     columns, time = table.columns, table.columns["t"]
     if commands is None and not found.command:
         missing = [name for name in WAYS["command"][0] if name not in columns]
         named = " ".join(f"{name}=NAME" for name in missing)
-        measured = "; twist.twist is what odometry measured" * ("twist.twist" in str(found.header))
         raise DataError(
             f"{file}: {table.where(-1)}: {', '.join(missing)} missing; expected "
             f"{','.join(COLUMNS)}, got {listed(found.header)}; --columns {named} tells which they "
-            f"are, --commands FILE gives commands that lie elsewhere{measured}"
+            f"are, --commands FILE gives commands that lie elsewhere"
         )
     notes = (*found.notes(options.columns), *notes)
     poses = Series(time, _poses(table, options), str(file))
@@ -118,6 +116,7 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         poses,
         Series(time, values, str(file)),
         True,
+        measured=any(note.startswith(MEASURED) for note in notes),
         notes=notes,
         where=table.where,
         columns=kinds,
@@ -173,8 +172,7 @@ def _complete(
     if not kept.all() and 2 * int(kept.sum()) >= int((~empty).sum()):
         rows, lost = np.flatnonzero(kept), int((~kept & ~empty).sum())
         names = ", ".join(table.found.shown(n) for n, missing in lacking.items() if missing.any())
-        if lost:
-            notes = (f"{lost} rows without a number in {names} were left out",)
+        notes = (f"{lost} rows without a number in {names} were left out",) * bool(lost)
         columns = {n: values[rows] for n, values in columns.items()}
         where = lambda row: table.where(int(rows[row]) if row >= 0 else row)  # noqa: E731
     complete = replace(table, columns=columns, where=where)
