@@ -324,9 +324,8 @@ class View:
         window = here.window(self._pose[:2], sight.reach)
         top, bottom, left, right = window
         area = slice(top, bottom), slice(left, right)
-        state = here.state[area]
         hits = library.hit_boxes(here.state, here.extent, window, here.place)
-        unknown = state <= UNKNOWN
+        unknown = here.state[area] <= UNKNOWN
         left, bottom = left + here.column, top + here.row
         sides = here.cell * (library.rectangles(unknown) + (left, bottom, left, bottom))
         # a wall is told by few half-planes, noise and all
@@ -339,25 +338,28 @@ class View:
 
         And how far cells may stand out of what was hit in them: a small map gets finer ones.
         """
-        here, side = self._map, self._map.cell
-        whole = 0, here.state.shape[0], 0, here.state.shape[1]
-        low, high = library.hit_boxes(here.state, here.extent, whole, here.place)
+        here, side, (height, width) = self._map, self._map.cell, self._map.state.shape
+        low, high = library.hit_boxes(here.state, here.extent, (0, height, 0, width), here.place)
         row, column = (here.state <= IN_VAIN).nonzero()
         vain = side * (np.array((column, row)).T + (here.column, here.row))
-        low, high = np.concatenate([low, vain]), np.concatenate([high, vain + side])
+        # what may be anywhere for its noise is no reason for a larger map
+        ends = here.corner, here.corner + side * np.array((width, height))
+        low = np.clip(np.concatenate([low, vain]), *ends)
+        high = np.clip(np.concatenate([high, vain + side]), *ends)
         if not len(low):
             return given, 0.0
-        width, height = (high.max(axis=0) - low.min(axis=0)).tolist()
-        most = self._sight.options.most_cells / math.sqrt((width / side + 1) * (height / side + 1))
+        sides = ((high.max(axis=0) - low.min(axis=0)) / side + 1.0).tolist()
+        most = self._sight.options.most_cells / math.sqrt(sides[0] * sides[1])
         cell = side / min(max(int(most), 1), FINEST)
-        first, last = np.floor(low / cell).astype(int), np.floor(high / cell).astype(int)
-        begin, spans = first.min(axis=0), last - first
-        occupied = np.zeros((last.max(axis=0) - begin + 1)[::-1], dtype=bool)
-        for beside in range(spans.max() + 1):
-            for above in range(spans.max() + 1):
-                column, row = (first - begin + np.minimum((beside, above), spans)).T
-                occupied[row, column] = True
-        corner = cell * begin
+        first, behind = np.floor(low / cell).astype(int), np.floor(high / cell).astype(int) + 1
+        corner = cell * (begin := first.min(axis=0))
+        (left, bottom), (right, top) = (first - begin).T, (behind - begin).T
+        # in how many boxes a cell lies: sums over the corners of the boxes
+        count = np.zeros((top.max() + 1, right.max() + 1), dtype=np.int32)
+        np.add.at(count, (np.append(bottom, top), np.append(left, right)), 1)
+        np.add.at(count, (np.append(bottom, top), np.append(right, left)), -1)
+        count = count.cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
+        occupied = count[:-1, :-1] > 0
         # of dense noise: in larger cells, which hold all that the smaller ones did
         while count_runs(occupied) > USUAL_OBSTACLES.grid_runs:
             height, width = occupied.shape
@@ -379,7 +381,5 @@ class View:
         window = here.window(middle, half + distance + here.cell)
         boxes = library.hit_boxes(here.state, here.extent, window, here.place)
         near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
-        if not near.any():
-            return False
-        away = library.box_distances(boxes[0][near], boxes[1][near], points)
-        return bool(away.min() < distance)
+        boxes = boxes[0][near], boxes[1][near]
+        return bool(near.any() and library.box_distances(*boxes, points).min() < distance)

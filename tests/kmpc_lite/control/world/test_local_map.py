@@ -116,8 +116,11 @@ def test_a_path_search_sees_all_that_was_hit_and_little_more(most_cells: int, fi
     s, pose = sight(most_cells=most_cells), np.array([0.013, 0.031, 0.3])
     seen = look(s, None, ROUND, pose)
     solids, coarse = View(s, seen, pose).solids(None)
-    assert solids is not None and coarse == pytest.approx(np.sqrt(2.0) * seen.cell / finer)
-    points = np.random.default_rng(1).uniform(-1.5, 1.5, (2000, 2))
-    exact = library.box_distances(*hit_boxes(seen), points)
+    assert solids and coarse == pytest.approx(np.sqrt(2.0) * seen.cell / finer)
+    points, (low, high) = np.random.default_rng(1).uniform(-1.5, 1.5, (2000, 2)), hit_boxes(seen)
+    exact = library.box_distances(low, high, points)
     lost = (exact - solids.whole.least(points))[exact > coarse]
     assert -1e-6 <= lost.min() and 0.5 * coarse < lost.max() <= coarse + 1e-6
+    s.look(seen, [scan(ROUND)], pose, 1e3)  # poses that may be anywhere make no larger map
+    solids, _ = View(s, seen, pose).solids(None)
+    assert solids and solids.extent < 20.0
