@@ -1,1 +1,1 @@
-"""Recording, replay and excitation."""
+"""Recording and excitation."""

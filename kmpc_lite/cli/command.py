@@ -44,7 +44,7 @@ EXTRAS = {
 LAB_LINE = "pip install kmpc-lab"
 ENTRY_POINTS, PARTS = "kmpc.commands", "kmpc.parts"
 """Entry points of commands, and of what kmpc-lab adds to a command of the robot."""
-ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "ros2"), "export")
+ROBOT = (*("inspect", "fit", "init", "check", "run", "record", "estop", "ros2"), "export")
 LAB = ("demo", "simulate", "report", "study", "bench", "emulate")
 """Commands of a robot, and of a desk, which kmpc-lab brings; the help shows them in this order."""
 PROGRAM = "kmpc"

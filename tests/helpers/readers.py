@@ -33,8 +33,6 @@ import kmpc_lab
 import kmpc_lite as kl
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.messages import BridgeError
-from firmware_bridge.recording.link_log import TLOG_STAMP
-from firmware_bridge.recording.replay import replay
 from firmware_bridge.robot_file import load_robot
 from kmpc_lab import drive
 from kmpc_lab.recording.drive_file import load_drive
@@ -152,23 +150,6 @@ def _key(path: Path) -> None:
     MavlinkOptions(key_file=str(path)).read_key()
 
 
-def _tlog() -> bytes:
-    """A short log of a rover's telemetry."""
-    from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-    link, content = dialect.MAVLink(None, 1, 1), b""
-    for k in range(6):
-        for message in (
-            link.heartbeat_encode(10, 3, 209, 15, 4),
-            link.local_position_ned_encode(100 * k, 0.1 * k, 0.2, 0.0, 0.5, 0.0, 0.0),
-            link.attitude_encode(100 * k, 0.0, 0.0, 0.3, 0.0, 0.0, 0.1),
-            link.statustext_encode(4, b"EKF3 IMU0 is using GPS"),
-            link.param_value_encode(b"WP_SPEED", 1.0, 9, 1, 0),
-        ):
-            content += TLOG_STAMP.pack(10**15 + 10**5 * k) + message.pack(link)
-    return content
-
-
 def _foreign(folder: Path) -> dict[str, Reader]:
     """Logs as other tools write them."""
     ride = foreign_logs.drive(seconds=3.0, rate=10.0)
@@ -246,7 +227,6 @@ def make_readers(folder: Path) -> dict[str, Reader]:
             {"map.yaml": MAP.encode(), "map.pgm": b"P2\n12 10 255\n" + plain}, kl.OccupancyGrid.load
         ),
         "robot": Reader({"robot.toml": ROBOT.encode()}, _robot),
-        "tlog": Reader({"drive.tlog": _tlog()}, lambda path: replay(path, None, 0.1, 1)),
         "records": Reader({"records.jsonl": 3 * _record()}, _records),
         "key": Reader({"signing.key": 32 * b"ab" + b"\n"}, _key),
     }

@@ -1,14 +1,10 @@
-"""Logs of a link: what passed, in both directions, read back and played again."""
+"""Logs of a link: what passed, in both directions, read back."""
 
-import struct
 import time
 
-import pytest
 from loopback import LoopbackWire
 
-from firmware_bridge.messages import ConfigError
 from firmware_bridge.recording.link_log import Chunk, RecordedTransport, tlog
-from firmware_bridge.recording.replay import replay
 from kmpc_lite.learn.formats.ardupilot import frames
 
 
@@ -83,21 +79,3 @@ def test_a_log_cut_anywhere_gives_its_whole_records(tmp_path):
         found = [data for _, _, data in frames(path)]
         assert found == complete[: len(found)]
         assert len(found) >= cut // (len(whole) // 5 + 1)
-
-
-def test_files_that_are_no_log_are_refused(tmp_path):
-    path = tmp_path / "a.log"
-    with pytest.raises(ConfigError, match="cannot read"):
-        replay(path, None, 0.1, 1)
-    for content in (b"", b"t,x,y\n1,2,3\n", b"garbage" * 99):
-        path.write_bytes(content)
-        with pytest.raises(ConfigError, match="no MAVLink frame in it"):
-            replay(path, None, 0.1, 1)
-
-
-def test_what_is_no_frame_in_a_log_is_passed_over(tmp_path):
-    path = tmp_path / "a.log"
-    stamped = [struct.pack(">Q", 10**6 * k) + frame(k) for k in (1, 3)]
-    path.write_bytes((struct.pack(">Q", 2) + b"garbage" * 5).join(stamped))
-    found = replay(path, None, 0.1, 1)
-    assert (found["records"], found["messages"], found["seconds"]) == (2, {"ATTITUDE": 2}, 2.0)

@@ -59,7 +59,6 @@ def test_a_missing_extra_is_reported_before_anything_is_done(tmp_path: Path) -> 
         "check --driver mavlink --link pty:link": "kmpc-lite[bridge]",
         "run --driver mavlink --link pty:link --scenario mehrez": "kmpc-lite[bridge]",
         "record --driver mavlink --link pty:link --by-hand --output a": "kmpc-lite[bridge]",
-        "replay drive.tlog": "kmpc-lite[bridge]",
         "fit run.mcap -o robot.npz": "kmpc-lite[logs]",
         "fit good.csv run.ulg -o robot.npz": "kmpc-lite[logs]",
         "inspect run.tlog": "kmpc-lite[logs]",
