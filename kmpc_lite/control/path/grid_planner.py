@@ -197,14 +197,14 @@ class GridPlanner:
         ends = [start[None, :2], goal[None, :2]]
         lines: list[Array] = []
         if request.driven is not None:
-            lines.append(np.concatenate([ends[0], request.driven.points[1:-1], ends[1]]))
-            steps = lines[0][:-1], lines[0][1:]
-            self._gets_on = bool(grid.lines_free(*steps, around.least).all())
-            if not self._gets_on:
-                lines.clear()
+            line = np.concatenate([ends[0], request.driven.points[1:-1], ends[1]])
+            self._gets_on = bool(grid.lines_free(line[:-1], line[1:], around.least).all())
+            lines = [line] * self._gets_on
         times = np.full(DIRECTIONS, math.inf)
         nodes, begin = list(map(grid.node, away)), np.repeat(ends[0], DIRECTIONS, axis=0)
-        clear = grid.holds(away) & grid.lines_free(begin, away, around.least)
+        # once time was lost, no nearer than it stands, as the grid sees that
+        here = float(grid.distances(ends[0])[0]) if request.tried else math.inf
+        clear = grid.holds(away) & grid.lines_free(begin, away, min(around.least, here))
         speed, turn_rate = request.forward.tolist()
         for i, node in enumerate(nodes):
             if clear[i]:
