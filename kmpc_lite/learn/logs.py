@@ -178,8 +178,8 @@ class Log:
     commands: Series
     together: bool = False
     """Whether row k of both is one row of a table, whose command is held until the next row."""
-    topics: tuple[Topic, ...] = ()  # all that is in the file, used or not
     measured: bool = False  # whether the commands are measured speeds, for lack of commands
+    topics: tuple[Topic, ...] = ()  # all that is in the file, used or not
     notes: tuple[str, ...] = ()  # what a user should know of how the file was read, one line each
     where: Callable[[int], str] = "row {}".format  # names a row as the file does: ``line 7``
     columns: tuple[str, ...] = ("v", "omega")

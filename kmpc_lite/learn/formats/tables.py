@@ -91,7 +91,7 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         raise DataError(
             f"{file}: {table.where(-1)}: {', '.join(missing)} missing; expected "
             f"{','.join(COLUMNS)}, got {listed(found.header)}; --columns {named} tells which they "
-            f"are, --commands FILE gives commands that lie elsewhere"
+            "are, --commands FILE gives commands that lie elsewhere"
         )
     notes = (*found.notes(options.columns), *notes)
     poses = Series(time, _poses(table, options), str(file))
@@ -162,11 +162,8 @@ def _complete(
     value belong to something else.
     """
     columns = {n: values for n, values in table.columns.items() if n not in others}
-    lacking, notes, where = (
-        {n: np.isnan(v) for n, v in columns.items()},
-        tuple[str, ...](),
-        table.where,
-    )
+    lacking = {n: np.isnan(values) for n, values in columns.items()}
+    notes, where = tuple[str, ...](), table.where
     empty = np.all([lacks for n, lacks in lacking.items() if n != "t"], axis=0)
     kept = ~np.any([*lacking.values()], axis=0)
     if not kept.all() and 2 * int(kept.sum()) >= int((~empty).sum()):
