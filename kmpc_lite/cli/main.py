@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
-    warnings.showwarning = lambda told, *_: print(f"kmpc: warning: {told}", file=sys.stderr)
+    warnings.showwarning = lambda text, *_: print(f"kmpc: warning: {text}", file=sys.stderr)
     try:
         try:
             options = build_parser(known_commands(), words).parse_args(words)

@@ -260,9 +260,8 @@ class _Chooser:
         self._commands, self._steered = log.commands, log.steered
         kinds = OMNI if log.commands > INPUTS else CAR if log.steered else DIFFERENTIAL
         self._ladders: tuple[Ladder, ...] = kinds
-        parts = find_coverage([e.inputs for e in log.episodes], log.dt).parts
-        shown = {part.name for part in parts if part.is_shown}
-        if not (log.steered or shown >= TURNING_AHEAD):
+        parts = () if log.steered else find_coverage([e.inputs for e in log.episodes], log.dt).parts
+        if not (log.steered or {p.name for p in parts if p.is_shown} >= TURNING_AHEAD):
             # how it turns while it drives would be a guess
             named = enumerate(terms_of(log.commands))
             mixed = {k for k, term in named if "omega" in term and term[0] in "vl"}

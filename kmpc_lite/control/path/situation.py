@@ -199,10 +199,8 @@ class Surveyor:
         pose, goal, rest = task.pose, task.goal, task.rest
         tolerance = capabilities.tolerances.enter_distance
         (x, y, _), low, high = goal.tolist(), self._low, self._high
-        outside = not (
-            low[0] - tolerance <= x <= high[0] + tolerance
-            and low[1] - tolerance <= y <= high[1] + tolerance
-        )
+        inside_x = low[0] - tolerance <= x <= high[0] + tolerance
+        outside = not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
         if outside:
             goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
         target, centre = goal, state.turning_centre

@@ -95,9 +95,12 @@ class Found:
                 f"{taken} are learned from; commands may be in {', '.join(map(short, others[:4]))},"
                 " too (--columns v=... omega=...)"
             )
-        if own and all(re.search(r"twist\Wtwist", name) for name in own):  # of nav_msgs/Odometry
-            lines.append(f"{MEASURED} (--commands FILE gives them)")
         return tuple(lines)
+
+    def measured(self, chosen: Collection[str]) -> bool:
+        """Whether the commands are what an odometry message measured, and nobody chose them."""
+        own = [self.names[name] for name in self.command if name not in chosen]
+        return bool(own) and all(re.search(r"twist\Wtwist", name) for name in own)
 
 
 def find_columns(

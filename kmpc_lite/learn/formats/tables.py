@@ -81,11 +81,11 @@ def read_table(file: Path, options: ReadOptions) -> Log:
 
     Raises DataError with file, line and column, for whatever is wrong.
     """
-    whole = _read(file, options)
-    found, commands = whole.found, options.commands or (file if _told_apart(whole) else None)
-    table, notes = _complete(whole, options.force, found.command if commands else ())
+    whole, elsewhere = _read(file, options), options.commands
+    found, apart = whole.found, elsewhere is None and _told_apart(whole)
+    table, notes = _whole(whole, options.force, found.command if elsewhere or apart else ())
     columns, time = table.columns, table.columns["t"]
-    if commands is None and not found.command:
+    if elsewhere is None and not found.command:
         missing = [name for name in WAYS["command"][0] if name not in columns]
         named = " ".join(f"{name}=NAME" for name in missing)
         raise DataError(
@@ -93,22 +93,25 @@ def read_table(file: Path, options: ReadOptions) -> Log:
             f"{','.join(COLUMNS)}, got {listed(found.header)}; --columns {named} tells which they "
             "are, --commands FILE gives commands that lie elsewhere"
         )
-    notes = (*found.notes(options.columns), *notes)
+    measured = elsewhere is None and found.measured(options.columns)
+    said = (f"{MEASURED} (--commands FILE gives them)",) * measured
+    notes = (*found.notes(options.columns), *said, *notes)
     poses = Series(time, _poses(table, options), str(file))
-    if commands is not None:
-        other, more = _complete(_read(commands, options, poses=False), options.force)
+    if elsewhere or apart:
+        told = whole if elsewhere is None else _read(elsewhere, options, poses=False)
+        other, more = _whole(told, options.force, columns.keys() - {"t"} if apart else ())
         for name, theirs in options.columns.items():
             if theirs not in (*found.header, *other.found.header):
                 lacks = f"{file}: columns: {name}={short(theirs)}: no such column"
-                raise DataError(f"{lacks}, nor in {commands}")
+                raise DataError(f"{lacks}, nor in {elsewhere}")
         values, kinds = _commands(other, options)
         held = Series(other.columns["t"], values, str(other.file))
         held = in_units(held, kinds, other.found.units)
         poses = in_units(poses, ("x", "y", "theta"), found.units)
         notes = (*notes, *more)
-        told, where = {**found.units, **other.found.units}, table.where
-        log = Log(str(file), poses, held, notes=notes, where=where, columns=kinds, units=told)
-        return two_or_three(log)
+        units, where = {**found.units, **other.found.units}, table.where
+        log = Log(str(file), poses, held, notes=notes, where=where, columns=kinds, units=units)
+        return two_or_three(replace(log, measured=measured))
     values, kinds = _commands(table, options)
     wheels = found.command == ("left", "right")
     log = Log(
@@ -116,7 +119,7 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         poses,
         Series(time, values, str(file)),
         True,
-        measured=any(note.startswith(MEASURED) for note in notes),
+        measured=measured,
         notes=notes,
         where=table.where,
         columns=kinds,
@@ -153,15 +156,12 @@ def _told_apart(table: Table) -> bool:
     return bool(commands) and 2 * np.sum(posed & told) < min(np.sum(posed), np.sum(told))
 
 
-def _complete(
-    table: Table, force: bool, others: Collection[str] = ()
-) -> tuple[Table, tuple[str, ...]]:
-    """Rows in which nothing is missing but in `others`, and a note on the rest.
+def _whole(table: Table, force: bool, but: Collection[str] = ()) -> tuple[Table, tuple[str, ...]]:
+    """Rows in which nothing is missing `but` in some columns, and a note on the others.
 
-    Where most rows miss something, all are kept, and the check names the first; those without any
-    value belong to something else.
+    Where most rows that have any value miss one, all are kept, and the check names the first.
     """
-    columns = {n: values for n, values in table.columns.items() if n not in others}
+    columns = {n: values for n, values in table.columns.items() if n not in but}
     lacking = {n: np.isnan(values) for n, values in columns.items()}
     notes, where = tuple[str, ...](), table.where
     empty = np.all([lacks for n, lacks in lacking.items() if n != "t"], axis=0)

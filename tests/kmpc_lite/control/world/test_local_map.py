@@ -122,5 +122,4 @@ def test_a_path_search_sees_all_that_was_hit_and_little_more(most_cells: int, fi
     lost = (exact - solids.whole.least(points))[exact > coarse]
     assert -1e-6 <= lost.min() and 0.5 * coarse < lost.max() <= coarse + 1e-6
     s.look(seen, [scan(ROUND)], pose, 1e3)  # poses that may be anywhere make no larger map
-    solids, _ = View(s, seen, pose).solids(None)
-    assert solids and solids.extent < 20.0
+    assert (solids := View(s, seen, pose).solids(None)[0]) and solids.extent < 20.0

@@ -84,6 +84,7 @@ def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None
     assert "measured speeds stand in for them" in told[-1] and "--commands FILE" in told[-1]
     beside = written(tmp_path / "cmd.csv", "t,v,omega", ",", TABLE[:, [0, 4, 5]])
     assert kl.Dataset.load(poses, commands=beside).steps > 30
+    assert not read_log(tmp_path / "odom.csv", ReadOptions(commands=beside)).measured
     early = written(tmp_path / "early.csv", "t,v,omega", ",", TABLE[:, [0, 4, 5]] - [100, 0, 0])
     with pytest.raises(kl.DataError, match="poses from 0 to .* s, commands from -100 to"):
         kl.Dataset.load(poses, commands=early)
