@@ -9,7 +9,7 @@ import math
 import struct
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -46,7 +46,8 @@ NO_POSE = 0xFFFF  # age of a pose that was never said, or long ago [ms]
 class Kind(IntEnum):
     """What a message is; the board's own are from 128 on."""
 
-    HEARTBEAT, POSE, GOAL, OBSTACLES, PATH, MODEL, VELOCITY, ESTOP, RELEASE, ASK = range(1, 11)
+    HEARTBEAT, POSE, GOAL, OBSTACLES, PATH = range(1, 6)
+    VELOCITY, ESTOP, RELEASE, ASK = range(7, 11)
     ABOUT, STATE, WHEELS = range(128, 131)
 
 
@@ -117,13 +118,6 @@ def rows(kind: Kind, table: Sequence[Sequence[float]]) -> bytes:
 def heartbeat(number: int) -> bytes:
     """Say that the host is there."""
     return message(Kind.HEARTBEAT, struct.pack("<I", number & 0xFFFFFFFF))
-
-
-def model(arrays: Mapping[str, Any]) -> bytes:
-    """Say a model, as `kmpc_lite.embedded.model_numbers` works it out: whole numbers come first."""
-    whole = [int(v) for a in arrays.values() if a.dtype.kind == "i" for v in a.ravel()]
-    real = [float(v) for a in arrays.values() if a.dtype.kind != "i" for v in a.ravel()]
-    return message(Kind.MODEL, struct.pack(f"<{len(whole)}h{len(real)}f", *whole, *real))
 
 
 def parse(body: bytes, stamp: float) -> About | Telemetry | None:
@@ -252,10 +246,6 @@ class OnboardDriver(TickingDriver):
         with self._lock:
             self._pose, self._pose_stamp = (x, y, theta), stamp
             self._say(Kind.POSE, self._pose, stamp)
-
-    def send_model(self, arrays: Mapping[str, Any]) -> None:
-        """Have it predict by another model: `kmpc_lite.embedded.model_numbers` works it out."""
-        self._transport.write(model(arrays))
 
     def estop(self) -> None:
         """Stand at once, until `release`."""

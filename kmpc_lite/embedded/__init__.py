@@ -2,6 +2,5 @@
 
 from kmpc_lite.embedded.compiled_controller import CompiledController, CompiledPlan
 from kmpc_lite.embedded.folder import export
-from kmpc_lite.embedded.numbers import model_numbers
 
-__all__ = ["CompiledController", "CompiledPlan", "export", "model_numbers"]
+__all__ = ["CompiledController", "CompiledPlan", "export"]

@@ -69,13 +69,14 @@ class CompiledController:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = Path(folder)
         about = _read_about(self.folder)
-        self.dt, sizes = float(about["dt"]), about["sizes"]
-        self.horizon = int(sizes["KMPC_N"])
+        self.dt, self.horizon = float(about["dt"]), int(about["sizes"]["KMPC_N"])
         self._real = ctypes.c_float if about["float32"] else ctypes.c_double
         self._kind = np.float32 if about["float32"] else np.float64
         self._library = _load(_built(self.folder))
-        self._input, plan, robot = _structures(self._real, sizes)
-        self._plan, self._robot = plan(), robot()
+        self._input, plan = _structures(self._real, self.horizon)
+        self._plan = plan()
+        bytes_of_robot = ctypes.c_int.in_dll(self._library, "kmpc_bytes").value
+        self._robot = ctypes.create_string_buffer(bytes_of_robot)
         self._step = self._library.kmpc_step
         self._step.restype = self._library.kmpc_reset.restype = None
         self.reset()
@@ -184,10 +185,9 @@ def _load(library: Path) -> ctypes.CDLL:
         return ctypes.CDLL(str(own))
 
 
-def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
-    """The structures of kmpc.h."""
-    n, past, rest = sizes["KMPC_N"], sizes["KMPC_PAST"], sizes["KMPC_T"]
-    states, inputs, integer = (real * STATES) * (n + 1), (real * INPUTS) * n, ctypes.c_int
+def _structures(real: Any, horizon: int) -> tuple[Any, Any]:
+    """What goes in and comes out of a step, as kmpc.h has it."""
+    integer = ctypes.c_int
     pointer = ctypes.POINTER(real)
 
     def structure(name: str, *fields: tuple[str, Any]) -> Any:
@@ -208,30 +208,7 @@ def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
         ("status", integer),
         ("passes", integer),
         ("reason", ctypes.c_char_p),
-        ("states", states),
-        ("inputs", inputs),
+        ("states", (real * STATES) * (horizon + 1)),
+        ("inputs", (real * INPUTS) * horizon),
     )
-    path = structure(
-        "Path",
-        *((name, integer) for name in ("count", "cusps", "begun", "turning", "holding")),
-        ("pose", (real * STATES) * (PATH + 2)),
-        ("begins", real * (PATH + 2)),
-        ("cusp", real * PATH),
-        *((name, real) for name in ("step", "braking", "time", "leg")),
-        ("mean_error", real * STATES),
-    )
-    robot = structure(
-        "Robot",
-        ("planned", integer),
-        ("resting", integer),
-        ("expects", integer),
-        ("states", states),
-        ("inputs", inputs),
-        ("duals", real * sizes["KMPC_ROWS"]),
-        ("past", (real * INPUTS) * past),
-        ("rest", (real * INPUTS) * rest),
-        ("expected", real * STATES),
-        ("turn", real),
-        ("path", path),
-    )
-    return given, plan, robot
+    return given, plan

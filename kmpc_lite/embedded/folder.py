@@ -22,14 +22,7 @@ from kmpc_lite.control.nmpc.qp_solvers import OSQPWorkspace
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.embedded.numbers import (
-    NO_LIMIT,
-    controller_of,
-    model_of,
-    numbers_of,
-    sizes_of,
-    solver_of,
-)
+from kmpc_lite.embedded.numbers import NO_LIMIT, controller_of, numbers_of, sizes_of, solver_of
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
@@ -39,7 +32,7 @@ STATUSES = (PlanStatus.SOLVED, PlanStatus.FEASIBLE, PlanStatus.FALLBACK, PlanSta
 """In the order of `enum kmpc_status`."""
 SOURCES = Path(__file__).parent / "c"
 KERNELS = Path(kernels.__file__).parent / "c"
-ABOUT, FORMAT = "kmpc.json", 2
+ABOUT, FORMAT = "kmpc.json", 3
 AROUND = frozenset(
     ("Makefile", "CMakeLists.txt", "library.json", "library.properties", "example.c", "vectors.c")
 )
@@ -169,8 +162,7 @@ def _write(folder: Path, controller: Controller, float32: bool) -> None:
     assert isinstance(sqp.workspace, OSQPWorkspace)
     sqp.workspace.write_code(sources / "osqp", float32)
     (sources / "kmpc_sizes.h").write_text(_sizes_header(sizes, controller.problem))
-    numbers = _numbers_source(numbers_of(controller, sqp), model_of(controller), float32)
-    (sources / "kmpc_numbers.c").write_text(numbers)
+    (sources / "kmpc_numbers.c").write_text(_numbers_source(numbers_of(controller, sqp), float32))
     (folder / "vectors.h").write_text(_vectors_header(recorded_vectors(controller), float32))
     about = {
         "format": FORMAT,
@@ -203,17 +195,13 @@ def _sizes_header(sizes: dict[str, int], problem: NavigationProblem) -> str:
     )
 
 
-def _numbers_source(numbers: dict[str, Any], model: dict[str, Any], float32: bool) -> str:
+def _numbers_source(numbers: dict[str, Any], float32: bool) -> str:
     lines = [
         "/* The numbers of one controller, made by kmpc export: core.h says what they are. */",
         '#include "core.h"',
         "",
         "const struct kmpc_numbers kmpc_numbers = {",
         *_initialiser(numbers, float32),
-        "};",
-        "",
-        "struct kmpc_model kmpc_model = {",
-        *_initialiser(model, float32),
         "};",
     ]
     return "\n".join([*lines, ""])

@@ -136,7 +136,10 @@ def numbers_of(controller: Controller, sqp: SQP) -> dict[str, Any]:
         "last_weight": qp.P.data[(first := _last_weight(qp)) : first + LAST_WEIGHTS],
         "turn_place": qp.turn_places if len(qp.turn_places) else np.zeros(1, dtype=int),
         "turn_weight": qp.numbers.turn_weight,
-    } | _along_path(controller)
+        **_model(controller),
+        **_margins(controller),
+        **_along_path(controller),
+    }
 
 
 def _last_weight(qp: NavigationQP) -> int:
@@ -167,34 +170,6 @@ def _along_path(controller: Controller) -> dict[str, Any]:
     }
 
 
-WHOLE = ("term", "terms", "nodes", "tightens", "errs", "delay", "spreads")
-"""What `struct kmpc_model` holds as int, in its order."""
-REAL = (
-    *("kernel", "smoothing", "limits", "motion", "node"),
-    *("white", "lasting", "pose", "pose_by_speed"),
-    *("quantile", "step_quantile", "headway_time", "solver_margin"),
-    *("side_margin", "far_clearance", "widest"),
-    *("position_errors", "heading_errors", "command_noise", "pose_error"),
-)
-"""What it holds as real, in its order."""
-
-
-def model_numbers(
-    model: KoopmanModel,
-    problem: NavigationProblem,
-    *,
-    tightening: bool = True,
-    options: ControllerOptions | None = None,
-) -> dict[str, Array]:
-    """Numbers of another model for a board whose controller was exported; arguments as there.
-
-    `firmware_bridge.drivers.onboard.model` makes a message of them.
-
-    Raises ProblemError for a model or a problem that the C code does not have.
-    """
-    return model_of(controller_of(model, problem, tightening=tightening, options=options))
-
-
 def controller_of(
     model: KoopmanModel,
     problem: NavigationProblem,
@@ -213,13 +188,6 @@ def controller_of(
         tightening="learned" if tightening else None,
         options=replace(tuning, pose=replace(tuning.pose, weighed=False)),
     )
-
-
-def model_of(controller: Controller) -> dict[str, Array]:
-    """What was learned, by the names of `struct kmpc_model`, in its order."""
-    numbers = _model(controller) | _margins(controller)
-    whole = {name: np.asarray(numbers[name], dtype=int) for name in WHOLE}
-    return whole | {name: np.asarray(numbers[name], dtype=float) for name in REAL}
 
 
 def _model(controller: Controller) -> dict[str, Any]:

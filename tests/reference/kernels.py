@@ -269,13 +269,16 @@ def candidates(brakes, inputs, hardest, whole, at_once):
             return straight(first, length)
         middles, places = (np.cumsum(size) - 0.5 * size)[drives], own + np.cumsum(left) - 0.5 * left
         directions = (inputs[drives] / size[drives, None]).T
-        ramp = left[:, None] * np.stack(
-            [np.interp(places, middles, d) for d in directions], axis=-1
-        )
-        ramp = within(ramp)
-        before = np.concatenate([first[None], ramp[:-1]])
-        most = np.where((ramp - before) * before < 0.0, slower, faster) * (1.0 + TINY) + TINY
-        return ramp if (np.abs(ramp - before) <= most).all() else straight(first, length)
+        wanted = left[:, None] * np.stack([np.interp(places, middles, d) for d in directions], -1)
+        ramp = [first]
+        for command in wanted:
+            change, before = command - ramp[-1], ramp[-1]
+            most = np.where(change * before < 0.0, slower, faster)
+            ramp.append(within(before + np.clip(change, -most, most)))
+        change, before = np.diff(ramp, axis=0), ramp[:-1]
+        most = np.where(change * before < 0.0, slower, faster) * (1.0 + TINY) + TINY
+        ends = (np.abs(change) <= most).all() and np.abs(ramp[-1]).max() <= TINY
+        return np.array(ramp[1:]) if ends else straight(first, length)
 
     m, firsts = inputs.shape[1], inputs[:1]
     if not whole:

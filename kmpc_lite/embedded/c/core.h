@@ -4,7 +4,7 @@
 
 #include "kmpc.h"
 
-enum { KMPC_AROUND = 2 * KMPC_THINGS, KMPC_MOST = KMPC_THINGS + 4 };
+enum { KMPC_AROUND = 2 * KMPC_THINGS, KMPC_MOST = KMPC_THINGS + 4, KMPC_TERMS = 11 };
 
 struct kmpc_numbers {
     real dt;
@@ -22,7 +22,6 @@ struct kmpc_numbers {
     /* passes */
     int most_passes;
     real tolerated, lost, fastest[2];
-    /* margins */
     real spend_share, swerve_time;
     real accepted_defect, accepted_depth;
     real half_plane_scale, open, rho;
@@ -32,6 +31,14 @@ struct kmpc_numbers {
     real last_weight[KMPC_LAST_WEIGHTS]; /* of P: of the last state */
     int turn_place[KMPC_TURNS];          /* of P: of the headings before it */
     real turn_weight;
+    /* what was learned: which of the terms are bilinear inputs; weights of commands by age, newest first */
+    int term[KMPC_TERMS], terms, nodes;
+    real kernel[(KMPC_L + 1) * 2], smoothing[2], limits[2], motion[3 * KMPC_TERMS], node[8];
+    /* margins */
+    int tightens, errs, delay, spreads;
+    real white[18], lasting[6], pose[9], pose_by_speed[9];
+    real quantile, step_quantile, headway_time, solver_margin, side_margin, far_clearance, widest;
+    real position_errors[4], heading_errors[4], command_noise[18], pose_error;
     /* along a path */
     int late; /* periods until a command has had half of its effect */
     real forward[2], backward[2], wheel_arm, wheel_speed, deceleration, lead_time, free_turn;
@@ -39,7 +46,6 @@ struct kmpc_numbers {
 };
 
 extern const struct kmpc_numbers kmpc_numbers;
-extern struct kmpc_model kmpc_model; /* the one that is driven by now */
 
 /* model.c: predictions (N, 3) of N commands that follow L past ones, and by_x not null: Jacobians;
  * `window` is (L + N, 2), oldest first */

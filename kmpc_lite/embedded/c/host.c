@@ -2,18 +2,13 @@
 #include "host.h"
 
 #include <math.h>
-#include <stddef.h>
 #include <string.h>
 
 #include "core.h"
 
 #define K kmpc_numbers
 
-enum {
-    FLOAT = 4,
-    WHOLE = KMPC_TERMS + 6, /* its ints, which lie before all reals */
-    REALS = (sizeof(struct kmpc_model) - offsetof(struct kmpc_model, kernel)) / sizeof(real)
-};
+enum { FLOAT = 4 };
 
 void kmpc_host_reset(struct kmpc_host *host)
 {
@@ -93,24 +88,6 @@ static int take_path(struct kmpc_host *host, const unsigned char *payload, int s
     return 0;
 }
 
-static int take_model(const unsigned char *payload, int size)
-{
-    struct kmpc_model model;
-    unsigned char *const at = (unsigned char *)&model;
-    if (size != 2 * WHOLE + FLOAT * REALS)
-        return 1;
-    for (size_t i = 0; i < WHOLE; i++, payload += 2) {
-        const int number = (int)(int16_t)kmpc_get(payload, 2);
-        memcpy(at + i * sizeof(number), &number, sizeof(number));
-    }
-    for (size_t i = 0; i < REALS; i++, payload += FLOAT) {
-        const real number = (real)kmpc_get_float(payload);
-        memcpy(at + offsetof(struct kmpc_model, kernel) + i * sizeof(number), &number,
-               sizeof(number));
-    }
-    return kmpc_set_model(&model);
-}
-
 /* Where to: a goal, or nothing, which is none. */
 static int take_goal(struct kmpc_host *host, const unsigned char *payload, int size)
 {
@@ -152,8 +129,6 @@ static int take_message(struct kmpc_host *host, int kind, const unsigned char *p
         return take_obstacles(host, payload, size);
     case KMPC_SAY_PATH:
         return take_path(host, payload, size);
-    case KMPC_SAY_MODEL:
-        return take_model(payload, size);
     case KMPC_SAY_ESTOP:
         return size != 0;
     case KMPC_SAY_RELEASE:

@@ -39,7 +39,7 @@ struct kmpc_plan {
     real inputs[KMPC_N][2];
 };
 
-enum { KMPC_PATH = 64 /* poses of a path at most */, KMPC_TERMS = 11 };
+enum { KMPC_PATH = 64 }; /* poses of a path at most */
 
 /* A path from a host, in the robot's units: straight between its poses, turns on the spot where two
  * lie at one place, as at either end. */
@@ -55,19 +55,6 @@ struct kmpc_path {
     real mean_error[3];  /* averaged pose less goal since it has arrived */
 };
 
-/* What was learned: numbers that `kmpc export` and its Python twin `model_numbers` work out. */
-struct kmpc_model {
-    int term[KMPC_TERMS], terms; /* which of the terms are bilinear inputs */
-    int nodes, tightens, errs, delay, spreads;
-    real kernel[(KMPC_L + 1) * 2]; /* weights of commands by age, newest first */
-    real smoothing[2], limits[2];
-    real motion[3 * KMPC_TERMS], node[8];
-    /* margins */
-    real white[18], lasting[6], pose[9], pose_by_speed[9];
-    real quantile, step_quantile, headway_time, solver_margin, side_margin, far_clearance, widest;
-    real position_errors[4], heading_errors[4], command_noise[18], pose_error;
-};
-
 /* What outlives a step, in the robot's units. */
 struct kmpc {
     int planned;  /* whether there is a last plan */
@@ -81,6 +68,8 @@ struct kmpc {
     struct kmpc_path path;    /* to follow, if it has any poses */
 };
 
+extern const int kmpc_bytes; /* that a struct kmpc takes */
+
 /* Begin a drive: a robot that stands. */
 void kmpc_reset(struct kmpc *robot);
 
@@ -91,10 +80,6 @@ void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_p
 /* Follow a path (count, 3) of poses [m, m, rad], from its pose nearest to the robot on, and stand at
  * its end; count 0: drive straight to the goal again. Zero, or nonzero if it is refused: too long, or not finite. */
 int kmpc_set_path(struct kmpc *robot, int count, const real *poses);
-
-/* Predict by another model of the same robot, with as long a memory. Zero, or nonzero if it is
- * refused: not finite, or of impossible counts. */
-int kmpc_set_model(const struct kmpc_model *model);
 
 #ifdef __cplusplus
 }

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #define K kmpc_numbers
-#define L kmpc_model
 
 static const real TINY = R(1e-9), TINY_STEP = R(1e-4), OVERSPEED = R(1.25);
 static const real TURN_ALLOWANCE = R(1.0) / R(150.0);
@@ -63,11 +62,11 @@ static int rolled_out(const real *here, const real *past, const struct kmpc_moti
 
 static void errors_of(const real *distances, const real *turns, int periods, real *margins)
 {
-    if (L.errs)
-        kmpc_stop_errors(1, periods, K.dt, distances, turns, L.position_errors, L.heading_errors,
-                         L.step_quantile, L.quantile, 0, margins);
+    if (K.errs)
+        kmpc_stop_errors(1, periods, K.dt, distances, turns, K.position_errors, K.heading_errors,
+                         K.step_quantile, K.quantile, 0, margins);
     for (int k = 0; k < periods; k++)
-        margins[k] = L.solver_margin + (L.errs ? margins[k] : 0);
+        margins[k] = K.solver_margin + (K.errs ? margins[k] : 0);
 }
 
 /* Errors (things,) of a single command towards each thing. */
@@ -77,11 +76,11 @@ static void errors_towards(const real *command, const real *slopes, int count, r
         real variance = 0;
         for (int a = 0; a < 2; a++)
             for (int b = 0; b < 2; b++) {
-                const real noise = command[0] * command[0] * L.command_noise[3 * a + b] +
-                                   command[1] * command[1] * L.command_noise[9 + 3 * a + b];
+                const real noise = command[0] * command[0] * K.command_noise[3 * a + b] +
+                                   command[1] * command[1] * K.command_noise[9 + 3 * a + b];
                 variance += slopes[2 * j + a] * noise * slopes[2 * j + b];
             }
-        errors[j] = L.step_quantile * M(sqrt)(variance > 0 ? variance : 0);
+        errors[j] = K.step_quantile * M(sqrt)(variance > 0 ? variance : 0);
     }
 }
 
@@ -144,14 +143,14 @@ static int is_clear(const struct judge *judge, const struct kmpc_motion_to_rest 
             for (int j = 0; j < things; j++) {
                 raw[j] -= K.radius;
                 standing[j] -= K.radius;
-                const real sure = standing[j] - L.pose_error;
+                const real sure = standing[j] - K.pose_error;
                 spend[j] = K.spend_share * (sure > 0 ? sure : 0);
                 if (!q)
                     before[j] = standing[j];
             }
             kmpc_between_samples(1, 1, 1, things, raw, before, point, at, K.radius, clear);
             kmpc_admissible(1, 1, 1, things, !k, clear, standing, spend, &margin, &driven, own,
-                            around->may_turn, &strict, &one, L.pose_error, &good);
+                            around->may_turn, &strict, &one, K.pose_error, &good);
             if (!good)
                 return 0;
             memcpy(before, raw, sizeof(raw));
@@ -227,7 +226,7 @@ int kmpc_find_motion(real *states, real *inputs, const real *past, int things, c
     memcpy(found->commands[0], inputs, 2 * sizeof(real));
     found->length = 1 + kmpc_ramp(&b, inputs, found->commands[1]);
     look_around(things, thing, &around);
-    if (!L.tightens || !things || is_far(here, past, found, &around))
+    if (!K.tightens || !things || is_far(here, past, found, &around))
         return 1;
     struct judge judge = {here, past, &around, at_once, 1};
     kmpc_candidates(&batch, hardest);

@@ -8,7 +8,6 @@
 #include "osqp/osqp.h"
 
 #define K kmpc_numbers
-#define L kmpc_model
 
 static const real LARGEST = R(1e10), INFINITE = R(1e20), LEAST_SHARE = R(0.1);
 
@@ -105,9 +104,9 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         NULL, NULL,          K.side_normal, K.side_offset, K.distance, K.dt, INFINITY,
     };
     const struct kmpc_plan_margins margins = {
-        {L.delay, L.white, L.lasting, L.pose, L.pose_by_speed, L.quantile, L.headway_time,
-         K.distance, 0, L.solver_margin, L.spreads},
-        at->inputs[0], way->clearance, L.widest, L.far_clearance, L.side_margin,
+        {K.delay, K.white, K.lasting, K.pose, K.pose_by_speed, K.quantile, K.headway_time,
+         K.distance, 0, K.solver_margin, K.spreads},
+        at->inputs[0], way->clearance, K.widest, K.far_clearance, K.side_margin,
     };
     const struct kmpc_pass plan = {
         at->states[0], at->inputs[0], way->reference, value,     by_x,          by_u,
@@ -119,7 +118,7 @@ static const char *pass(const struct kmpc_iterate *at, const real *window, const
         memcpy(points + 2 * k, at->states[k + 1], 2 * sizeof(real));
     for (int i = 0; i < 9; i++)
         pull_terminal[i] = way->share_at_goal * K.pull_terminal[i];
-    kmpc_fill(&size, &keep, L.tightens ? &margins : NULL, &plan, &qp, room);
+    kmpc_fill(&size, &keep, K.tightens ? &margins : NULL, &plan, &qp, room);
     memcpy(duals, at->duals, sizeof(duals));
     const char *wrong = fault();
     if (wrong)

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #define K kmpc_numbers
-#define L kmpc_model
 
 static const real PI = R(3.14159265358979323846), LIMIT = R(1e4), ROUNDING = R(1e-9);
 static const real HUGE_NUMBER = R(1e30);
@@ -194,6 +193,8 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
     answer(seen, shown, inputs, plan);
 }
 
+const int kmpc_bytes = sizeof(struct kmpc);
+
 void kmpc_reset(struct kmpc *robot)
 {
     memset(robot, 0, sizeof(*robot));
@@ -224,7 +225,7 @@ static int verify(const struct kmpc *robot, const struct seen *seen, struct kmpc
             return 0;
         memcpy(result->next_state, plan->states[1], 3 * sizeof(real));
     }
-    if (contradicted && !L.tightens &&
+    if (contradicted && !K.tightens &&
         !(kmpc_clearance_along(plan->states[0], KMPC_N + 1, seen->things, seen->thing) >=
           -K.accepted_depth))
         return 0;

@@ -10,7 +10,6 @@ import pytest
 import kmpc_lite as kl
 from firmware_bridge.drivers import onboard as say
 from firmware_bridge.drivers.onboard import About, Kind, Telemetry
-from kmpc_lite.embedded import model_numbers
 
 pytestmark = pytest.mark.skipif(
     shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler, or no make"
@@ -173,24 +172,6 @@ def test_it_says_what_it_is_and_how_it_is(board):
     assert isinstance(told, Telemetry)
     assert (told.uptime, told.heartbeat, told.good, told.bad) == (0.07, 41, 3, 0)
     assert told.pose == (1.0, 2.0, 0.5) and told.pose_age == pytest.approx(0.1)
-
-
-def test_another_model_is_driven_from_then_on(folder):
-    """One that turns half as fast is turned otherwise; a broken one changes nothing."""
-    commands = []
-    numbers = model_numbers(MODEL, PROBLEM)
-    motion = numbers["motion"].copy()
-    motion[5] *= 0.5  # of (3, 2): how its turn rate turns it
-    weak = {**numbers, "motion": motion}
-    broken = {**weak, "motion": weak["motion"] + np.nan}
-    for told in (None, numbers, broken, weak):
-        board = Board(folder)
-        board.take(b"" if told is None else say.model(told))
-        board.take(b"".join(everything(0, (1.0, 0.01, 0.02)).values()))
-        commands.append(board.tick())
-    board.take(say.model(numbers))
-    assert commands[0] == pytest.approx(commands[1], abs=1e-4) == commands[2]
-    assert abs(commands[3][1] - commands[0][1]) > 0.01
 
 
 FUZZ = """

@@ -80,8 +80,15 @@ static int turned(const struct kmpc_batch *batch, real place, real *direction)
     return drives;
 }
 
+/* A command as near to another one as it may be a period later. */
+static real limited(const struct kmpc_brakes *b, int i, real before, real command)
+{
+    const real change = command - before, most = change * before < 0 ? b->slower[i] : b->faster[i];
+    return change > most ? before + most : change < -most ? before - most : command;
+}
+
 /* A brake along the path of the plan, which is driven ever more slowly: its commands, as
- * directions, over how far they lead; whether they change by no more than is allowed. */
+ * directions, over how far they lead; whether they end at rest as fast as they may change. */
 static int along(const struct kmpc_batch *batch, const real *first, real *ramp)
 {
     const struct kmpc_brakes *b = batch->brakes;
@@ -93,14 +100,11 @@ static int along(const struct kmpc_batch *batch, const real *first, real *ramp)
         if (!turned(batch, begins + driven - R(0.5) * left, direction))
             return 0;
         for (int i = 0; i < b->commands; i++)
-            ramp[i] = left * direction[i];
+            ramp[i] = limited(b, i, before[i], left * direction[i]);
         within(b, ramp);
-        for (int i = 0; i < b->commands; i++) {
-            const real change = ramp[i] - before[i];
-            const real most = change * before[i] < 0 ? b->slower[i] : b->faster[i];
-            if (!(M(fabs)(change) <= most * (1 + TINY) + TINY))
+        for (int i = 0; i < b->commands; i++)
+            if (ramp[i] != limited(b, i, before[i], ramp[i]) || (k == batch->length && ramp[i] != 0))
                 return 0;
-        }
     }
     return 1;
 }
