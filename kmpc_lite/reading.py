@@ -6,6 +6,7 @@ of it is read; a file without an end, or a line without one, is refused at its b
 
 from __future__ import annotations
 
+import codecs
 import errno
 import io
 import os
@@ -81,12 +82,17 @@ def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
 def text_lines(path: str | os.PathLike[str], longest: int) -> Generator[str, None, None]:
     """Yield the lines of a text file, with their ends, whatever these are.
 
-    A byte order mark is left out; bytes that are not UTF-8 become replacement characters.
+    A byte order mark is left out, and tells UTF-16; bytes that are not UTF-8 become replacement
+    characters.
 
     `path`: a regular file. `longest`: characters of the longest line that is accepted. Raises
     OSError if the file cannot be read. Raises ValueError for a longer line; names it.
     """
-    with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
+    with open_regular(path) as content:
+        begins = content.read(2)
+        content.seek(0)
+        wide = begins in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        file = io.TextIOWrapper(content, "utf-16" if wide else "utf-8-sig", errors="replace")
         number = 0
         while line := file.readline(longest + 1):
             number += 1

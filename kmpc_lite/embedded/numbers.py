@@ -10,9 +10,10 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.kernels.predictor import Inputs, Predictor
-from kmpc_lite.control.kernels.records import TINY, Noise
+from kmpc_lite.control.kernels.records import TINY
 from kmpc_lite.control.knowledge import motion_model
 from kmpc_lite.control.limits import RateLimit
+from kmpc_lite.control.margins import Margins
 from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE, NavigationQP
 from kmpc_lite.control.nmpc.sqp import MOST_PASSES, SQP
 from kmpc_lite.control.options import ControllerOptions, fastest
@@ -24,7 +25,7 @@ from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary.response import TERMS
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 LAST_WEIGHTS = STATES * (STATES + 1) // 2  # entries of P that weigh the last state
 MOST_THINGS = 24  # circles that a step looks at
@@ -209,21 +210,13 @@ def _model(controller: Controller) -> dict[str, Any]:
 
 
 def _margins(controller: Controller) -> dict[str, Any]:
-    """Margins of plans and of motions; zeros of a controller without."""
-    margins = controller.known.margins
-    if margins is None:
-        covariances, errors = np.zeros(9 * INPUTS), np.zeros(2 * INPUTS)
-        pose = np.zeros(9)
-        noise = Noise(covariances, np.zeros(6), pose, pose, 0, 0, 0, 0, 0, 0, False)
-        none = ("tightens", "errs", "side_margin", "far_clearance", "widest", "pose_error")
-        return (
-            _tube(noise)
-            | dict.fromkeys((*none, "step_quantile"), 0)
-            | {"position_errors": errors, "heading_errors": errors, "command_noise": covariances}
-        )
+    """Margins of plans and of motions, and whether they are kept."""
+    known = controller.known
+    margins = known.margins or Margins(known.model, controller.units)
     felt = margins.calm
-    return _tube(felt.tube) | {
-        "tightens": 1,
+    noise = felt.tube
+    return {
+        "tightens": int(known.margins is not None),
         "errs": int(felt.command_errs),
         "side_margin": margins.side_margin,
         "far_clearance": margins.far_clearance,
@@ -232,12 +225,7 @@ def _margins(controller: Controller) -> dict[str, Any]:
         "heading_errors": felt.heading_errors,
         "command_noise": felt.command,
         "step_quantile": margins.noise.step_quantile,
-        "pose_error": margins.calm.pose_error,
-    }
-
-
-def _tube(noise: Noise) -> dict[str, Any]:
-    return {
+        "pose_error": felt.pose_error,
         "white": noise.white,
         "lasting": noise.lasting,
         "pose": noise.pose,

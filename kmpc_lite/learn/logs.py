@@ -40,7 +40,8 @@ KNOWN = {
 """Size of each unit, by column; of wheels that turn for a radius of 1 m."""
 WORDS = {
     **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
-    **{"msec": "ms", "usec": "us", "µs": "us", "nsec": "ns"},
+    **{"msec": "ms", "usec": "us", "µs": "us"},
+    **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), "ns"),
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
     **{"inch": "in", "inches": "in", "foot": "ft", "feet": "ft", "hour": "h", "hr": "h"},
     **{"degree": "deg", "degrees": "deg", "degs": "deg", "°": "deg"},

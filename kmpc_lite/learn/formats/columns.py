@@ -125,6 +125,8 @@ def find_columns(
     there = {n: places for n in NAMES if (places := _places(file, header, n, chosen))}
     speeds = {n for way in WAYS["command"] for n in (*way, "lateral")}
     sure = {} if speeds & chosen.keys() else _commanded(header, speeds)
+    if [spelled(_plain(header[k], "t")[1]) for k in there.get("t", ())] == ["s", "ns"]:
+        there["t"], there["ns"] = ([k] for k in there["t"])
     commands = _way("command", sure or there)
     steers = "steer" in "".join(header[k].lower() for k in there.get("steering", ()))
     if commands == ("v", "omega") and steers and not (sure or speeds & chosen.keys()):
@@ -132,7 +134,7 @@ def find_columns(
     if commands == ("v", "omega") and "lateral" in (sure or there):
         commands = ("v", "lateral", "omega")
     wanted = ("t", *_way("position", there), *_way("heading", there)) if poses else ("t", *commands)
-    every = tuple(dict.fromkeys((*wanted, *commands)))
+    every = tuple(dict.fromkeys((*wanted, *commands, *{"ns"}.intersection(there))))
     missing = [name for name in wanted if name not in there]
     there |= {n: [k] for n, k in sure.items()}
     doubled = [name for name in every if len(there.get(name, ())) > 1]

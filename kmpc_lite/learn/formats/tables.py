@@ -39,7 +39,6 @@ from kmpc_lite.learn.logs import (
     Log,
     ReadOptions,
     Series,
-    correct,
     in_units,
     parse_units,
 )
@@ -64,6 +63,8 @@ TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of a trajectory as the TUM benchmark has them."""
 HEADER = re.compile(r"(t|time|stamp|timestamp)\b", re.IGNORECASE)
 """How a remark begins that is the header: EuRoC's with #timestamp [ns]."""
+UNIT = re.compile(r"(?!(nan|none|null|na|n/a)$)[a-zµ°%/^*.-]*\d?", re.IGNORECASE)
+"""What stands in a row of units below a header."""
 
 
 @dataclass(frozen=True)
@@ -95,38 +96,32 @@ def read_table(file: Path, options: ReadOptions) -> Log:
         )
     measured = elsewhere is None and found.measured(options.columns)
     said = (f"{MEASURED} (--commands FILE gives them)",) * measured
-    notes = (*found.notes(options.columns), *said, *notes)
-    poses = Series(time, _poses(table, options), str(file))
+    told, notes = table, (*found.notes(options.columns), *said, *notes)
     if elsewhere or apart:
         told = whole if elsewhere is None else _read(elsewhere, options, poses=False)
-        other, more = _whole(told, options.force, columns.keys() - {"t"} if apart else ())
+        told, more = _whole(told, options.force, columns.keys() - {"t"} if apart else ())
         for name, theirs in options.columns.items():
-            if theirs not in (*found.header, *other.found.header):
+            if theirs not in (*found.header, *told.found.header):
                 lacks = f"{file}: columns: {name}={short(theirs)}: no such column"
                 raise DataError(f"{lacks}, nor in {elsewhere}")
-        values, kinds = _commands(other, options)
-        held = Series(other.columns["t"], values, str(other.file))
-        held = in_units(held, kinds, other.found.units)
-        poses = in_units(poses, ("x", "y", "theta"), found.units)
         notes = (*notes, *more)
-        units, where = {**found.units, **other.found.units}, table.where
-        log = Log(str(file), poses, held, notes=notes, where=where, columns=kinds, units=units)
-        return two_or_three(replace(log, measured=measured))
-    values, kinds = _commands(table, options)
-    wheels = found.command == ("left", "right")
+    values, kinds = _commands(told, options)
+    poses, held = Series(time, _poses(table, options), str(file)), told.columns["t"]
+    wheels = told.found.command == ("left", "right")
     log = Log(
         str(file),
-        poses,
-        Series(time, values, str(file)),
-        True,
+        in_units(poses, ("x", "y", "theta"), found.units),
+        in_units(Series(held, values, str(told.file)), kinds, told.found.units),
+        told is table,
         measured=measured,
         notes=notes,
         where=table.where,
         columns=kinds,
+        units={**found.units, **told.found.units},
         wheel_speeds=wheels,
         geometry={"track": options.track} if wheels and options.track else {},
     )
-    return two_or_three(correct(log, ReadOptions(units=found.units)))
+    return two_or_three(log)
 
 
 def _chosen(options: ReadOptions, header: Sequence[str]) -> Mapping[str, str]:
@@ -282,7 +277,7 @@ class Layout:
     header: list[str]
     delimiter: str | None  # what parts the values of a line; None stands for blanks
     skipped: int  # lines before the first row
-    first: str  # the line that was taken for the first row if there is no header, or nothing
+    first: str  # the first row, if that was read already to see it
     where: str  # what messages call the header
 
     def is_row(self, line: str) -> bool:
@@ -329,6 +324,8 @@ def _read_text(file: Path, options: ReadOptions, poses: bool, tolerant: bool) ->
                 raise
             raise DataError(f"{file}: {_bad_value(file, layout, found) or error}") from error
     columns = dict(zip(found.where, table.T, strict=True))
+    if "ns" in columns and not (columns["ns"] >= 1e9).any():  # else they are a clock of their own
+        columns["t"] = columns["t"] + 1e-9 * columns["ns"]
     told = {*found.units, *options.units}
     if "t" not in told and np.median(columns["t"]) > EPOCH_NANOSECONDS:
         found = replace(found, units={**found.units, "t": "ns"})
@@ -355,11 +352,12 @@ def _is_number(text: str) -> bool:
 
 
 def parse_time(text: str) -> float:
-    """Read a number, or a date and a time as ISO 8601 has them, as seconds since 1970."""
+    """Read a number, or a date and a time, or that alone, as ISO 8601 has them, in seconds."""
     try:
         return parse_number(text)
     except ValueError:
-        when = datetime.fromisoformat(text.strip())
+        bare = text.strip()
+        when = datetime.fromisoformat(bare if bare[2:3] != ":" else f"1970-01-01T{bare}")
     # if no zone is given only differences count, and those of local clocks may jump by an hour
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
@@ -389,7 +387,12 @@ def _layout(file: Path, lines: Iterator[str]) -> Layout:
             if all(map(_is_number, names)):
                 told = f"line {number} holds numbers; expected a header before it, as of"
                 raise DataError(f"{file}: {told} {','.join(COLUMNS)}")
-            return Layout(names, delimiter, number, "", f"line {number}: header")
+            where, below = f"line {number}: header", next(lines, "")
+            units = [unit.strip(" []()\r\n") for unit in _values(below, delimiter)]
+            if len(units) != len(names) or not all(map(UNIT.fullmatch, units)) or not any(units):
+                return Layout(names, delimiter, number, below, where)
+            names = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+            return Layout(names, delimiter, number + 1, "", where)
     raise DataError(f"{file}: {MAX_REMARKS} lines of remarks; expected {','.join(COLUMNS)}")
 
 

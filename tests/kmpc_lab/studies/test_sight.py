@@ -5,7 +5,7 @@ import pytest
 
 from kmpc_lab.sim.lidar import LidarSpec, box_edges
 from kmpc_lab.studies.any_robot import STANDARD
-from kmpc_lab.studies.sight import KINDS, Course, course_of, drive, judge
+from kmpc_lab.studies.sight import KINDS, Course, course_of, judge
 from kmpc_lite.scenario.world import World
 
 
@@ -29,9 +29,3 @@ def test_both_drivers_arrive_in_an_empty_room(driver: str) -> None:
     row = judge(driver, STANDARD, course, LidarSpec(4.0), 0)
     assert row.arrived and not row.collided
     assert row.more["unseen"] == row.more["unreachable"] == row.stopped == 0
-
-
-def test_what_comes_into_view_makes_the_robot_turn_where_it_is() -> None:
-    """Not drive back to where the path around it begins: it sees four of its radii."""
-    row = drive("ours", "Husky-like", "maze", 2.0, 656000)
-    assert row.arrived and not row.collided and row.more["gears"] <= 6

@@ -23,6 +23,7 @@ pytestmark = pytest.mark.usefixtures("no_warnings")
         "\r\n".join([HEADER, *GOOD, ""]),
         "\r".join([HEADER, *GOOD, ""]),
         "\ufeff" + "\n".join([HEADER, *GOOD, ""]),
+        "\n".join([HEADER, "s,m,m,rad,m/s,rad/s", *GOOD, ""]),
         "\n".join([" t , x,y, theta,v,omega ", *(g.replace(",", " , ") for g in GOOD), ""]),
         "\n".join(
             [
@@ -33,11 +34,11 @@ pytestmark = pytest.mark.usefixtures("no_warnings")
         ),
         "\n".join([f"note,{HEADER},note", *(f'"left, then right",{g},ähm #1' for g in GOOD), ""]),
     ],
-    ids=["blank within", "crlf", "cr", "bom", "spaces", "quotes", "more columns"],
+    ids=["blank within", "crlf", "cr", "bom", "units", "spaces", "quotes", "more columns"],
 )
 def test_the_same_log_in_many_looks(tmp_path: Path, content: str) -> None:
     path = tmp_path / "run.csv"
-    path.write_bytes(content.encode())
+    path.write_bytes(content.encode("utf-16" if "left" in content else "utf-8"))
     (episode,) = kl.Dataset.load(path).episodes
     np.testing.assert_array_equal(
         episode.states, np.c_[np.arange(6.0), np.full(6, 2.0), np.full(6, 0.5)]

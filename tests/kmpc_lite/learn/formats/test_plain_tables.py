@@ -28,11 +28,11 @@ def as_lists(table: Array) -> list[list[object]]:
     return [list(row) for row in table.tolist()]
 
 
-@pytest.mark.parametrize("form", ["{:%Y-%m-%dT%H:%M:%S.%f}Z", "{:%Y-%m-%d %H:%M:%S.%f}"])
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%d %H:%M:%S.%f", "%H:%M:%S.%f"])
 def test_times_may_be_dates(tmp_path: Path, form: str) -> None:
     begin, table = datetime(2026, 3, 29, 0, 59, 50, tzinfo=UTC), as_lists(TABLE)
     for row in table:
-        row[0] = form.format(begin + timedelta(seconds=float(row[0])))  # type: ignore[arg-type]
+        row[0] = (begin + timedelta(seconds=float(row[0]))).strftime(form)  # type: ignore[arg-type]
     log = read_log(write(tmp_path / "run.csv", HEADER, table))
     np.testing.assert_allclose(log.poses.time - log.poses.time[0], TABLE[:, 0], atol=2e-6)
     np.testing.assert_allclose(log.commands.values, TABLE[:, 4:])
@@ -109,12 +109,14 @@ def test_poses_and_commands_may_stand_in_rows_of_their_own(tmp_path: Path) -> No
     assert log.where(1) == "line 7" and not inspect(tmp_path / "run.csv").suspects
 
 
-def test_nanoseconds_since_1970_are_known(tmp_path: Path) -> None:
-    table = as_lists(TABLE)
-    for row in table:
-        row[0] = 1_767_225_600_000_000_000 + round(1e9 * float(row[0]))  # type: ignore[arg-type]
-    made = write(tmp_path / "run.csv", HEADER, table)
-    log = read_log(made)
-    np.testing.assert_allclose(log.poses.time - log.poses.time[0], TABLE[:, 0], atol=1e-5)
-    assert "columns: t=t [ns]" in log.notes
-    assert not inspect(made).suspects
+def test_a_clock_may_be_nanoseconds_or_seconds_and_nanoseconds(tmp_path: Path) -> None:
+    clock = [1_767_225_600_000_000_000 + round(1e9 * t) for t in TABLE[:, 0]]
+    for name, stamps in (
+        ("t", [[t] for t in clock]),
+        ("stamp.sec,stamp.nanosec", [divmod(t, 1_000_000_000) for t in clock]),
+    ):
+        table = [[*t, *row[1:]] for t, row in zip(stamps, as_lists(TABLE), strict=True)]
+        made = write(tmp_path / "run.csv", HEADER.replace("t", name, 1), table)
+        log = read_log(made)
+        np.testing.assert_allclose(log.poses.time - log.poses.time[0], TABLE[:, 0], atol=1e-5)
+        assert "columns: t=" in log.notes[0] and not inspect(made).suspects
