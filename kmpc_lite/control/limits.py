@@ -21,8 +21,7 @@ from kmpc_lite.types import INPUTS, STATES, Array
 
 ROUNDING = 1.0 + 1e-9
 """A change that is larger than allowed by less than this factor is the largest one allowed."""
-LONGEST_RAMP = 10.0
-"""Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
+LONGEST_RAMP = 30.0  # no robot drives faster than it can stop from within this time [s]
 LITTLE = 1e-9  # rounding error of a count of periods
 SLOWEST = 300.0
 """A robot needs at most this long for a way of its radius, or for a turn of half a radian [s]."""
@@ -42,7 +41,7 @@ class RateLimit:
 
     Attributes: `active`: whether anything is limited. `faster`, `slower`: by how much commands may
     change in a period, away from zero and towards it. `ramp_step`: by how much a braked command may
-    shrink in a period [m/s, rad/s]. `longest_ramp`: most periods of a ramp.
+    shrink in a period [m/s, rad/s]. `longest_ramp`: periods of the longest ramp.
     """
 
     def __init__(self, problem: NavigationProblem) -> None:
@@ -51,10 +50,9 @@ class RateLimit:
         self.faster = problem.dt * problem.du_max
         self.slower = problem.dt * np.maximum(problem.du_max, problem.deceleration)
         self.ramp_step: Array = np.asarray(problem.deceleration) * problem.dt
-        self.longest_ramp = max(round(LONGEST_RAMP / problem.dt), 1)
+        self.longest_ramp = len(self.ramp(np.maximum(-problem.u_min, problem.u_max)))
         if self.active:
-            steps = np.arange(1, problem.horizon + 1)[:, None]
-            self._reach = steps * self.faster
+            self._reach = np.arange(1, problem.horizon + 1)[:, None] * self.faster
 
     def limit(self, command: Array, last: Array) -> Array:
         """Go from the last command (2,) towards a new one (2,) as far as is allowed.
@@ -65,11 +63,8 @@ class RateLimit:
         if not self.active:
             return command
         change = command - last
-        allowed = np.where(
-            change * last < 0.0,
-            np.maximum(self.faster, np.minimum(self.slower, np.abs(last))),
-            self.faster,
-        )
+        slower = np.maximum(self.faster, np.minimum(self.slower, np.abs(last)))
+        allowed = np.where(change * last < 0.0, slower, self.faster)
         size = np.abs(change)
         over = size > allowed * ROUNDING
         if not over.any():
@@ -94,7 +89,7 @@ class RateLimit:
         Both speeds shrink by one factor, so that the robot keeps to the curve that it is on.
         """
         periods = float((np.abs(command) / self.ramp_step).max())
-        count = max(1, min(math.ceil(periods - LITTLE), self.longest_ramp))
+        count = max(1, math.ceil(periods - LITTLE))
         shares = 1.0 - np.arange(1, count + 1) / max(periods, LITTLE)
         shares[-1] = 0.0
         commands: Array = shares[:, None] * command
@@ -109,6 +104,9 @@ def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProble
     """
     ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
     problem = within_ramps(problem, ramps)
+    most = LONGEST_RAMP * problem.deceleration
+    u_min, u_max = np.maximum(problem.u_min, -most), np.minimum(problem.u_max, most)
+    problem = replace(problem, u_min=u_min, u_max=u_max)
     largest = np.array(fastest(problem))
     least = np.array((unit_length(problem), HALF_RADIAN)) / SLOWEST
     for (name, unit), value, needed in zip(AXES, largest.tolist(), least.tolist(), strict=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.kernels.predictor import Inputs, Predictor
-from kmpc_lite.control.kernels.records import TINY
 from kmpc_lite.control.knowledge import motion_model
 from kmpc_lite.control.limits import RateLimit
 from kmpc_lite.control.margins import Margins
@@ -67,14 +65,11 @@ def sizes_of(controller: Controller, qp: NavigationQP) -> dict[str, int]:
     """Sizes of the arrays, by their names in C."""
     units, history = controller.units, controller.model.history
     rates, motions = RateLimit(units), SafeMotions(units, controller.options.stop)
-    command = np.maximum(np.abs(units.u_min), np.abs(units.u_max))
-    ramp = math.ceil(float((command / rates.ramp_step).max()) - TINY) + 1
-    ramp = min(max(ramp, 1), rates.longest_ramp)
     return {
         "KMPC_N": units.horizon,
         "KMPC_L": history,
         "KMPC_PAST": max(history, 1),
-        "KMPC_T": motions.further + 3 + ramp,
+        "KMPC_T": motions.further + 4 + rates.longest_ramp,
         "KMPC_THINGS": MOST_THINGS,
         "KMPC_ROWS": qp.row_count,
         "KMPC_VARIABLES": qp.size,

@@ -126,14 +126,17 @@ def test_ramp_ends_at_zero_within_the_limits_on_the_curve(
     command, limits = np.array([v, omega]), np.array([limit_v, limit_w]) * dt
     problem = kl.NavigationProblem(dt=dt, deceleration=(limit_v, limit_w))
     rates = RateLimit(problem)
-    commands, longest = rates.ramp(command), max(round(LONGEST_RAMP / dt), 1)
-    assert len(commands) == min(
-        max(1, int(np.ceil(max(abs(v) / limits[0], abs(omega) / limits[1]) - 1e-9))), longest
-    )
+    commands = rates.ramp(command)
+    periods = max(abs(v) / limits[0], abs(omega) / limits[1])
+    assert len(commands) == max(1, int(np.ceil(periods - 1e-9))) <= rates.longest_ramp
     assert not commands[-1].any()
     all_of_them = np.vstack([command, commands])
     assert (np.diff(np.abs(all_of_them), axis=0) <= 1e-12).all()
     np.testing.assert_allclose(all_of_them[:, 0] * omega, all_of_them[:, 1] * v, atol=1e-9)
-    if len(commands) < longest:
-        # no faster than either limit allows
-        assert (np.abs(np.diff(all_of_them, axis=0)) <= limits * (1 + 1e-6) + 1e-9).all()
+    assert (np.abs(np.diff(all_of_them, axis=0)) <= limits * (1 + 1e-6) + 1e-9).all()
+
+
+def test_no_robot_drives_faster_than_it_can_stop_from() -> None:
+    limits = {"u_min": (-1.0, -0.5), "u_max": (4.0, 0.5), "deceleration": (0.1, 0.1)}
+    problem = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(**limits)).problem
+    assert [*problem.u_min, *problem.u_max] == [-1.0, -0.5, LONGEST_RAMP * 0.1, 0.5]
