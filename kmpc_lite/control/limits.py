@@ -29,8 +29,7 @@ HALF_RADIAN = 0.5
 START_TIME = 60.0  # from rest, it comes within this time [s] to ...
 STARTED = 0.1  # ... this share of its fastest speed and turn rate at the least.
 FOLLOWED = 0.01  # share of its fastest commands that a model must let the robot follow at the least
-PROMPT = 0.05
-"""Share of a period by which a robot may answer late and still count as one that does at once."""
+PROMPT = 0.05  # share of a period by which a robot may answer late and still do so at once
 AXES = (("speed", "m/s"), ("turn rate", "rad/s"))
 
 
@@ -92,8 +91,7 @@ class RateLimit:
         count = max(1, math.ceil(periods - LITTLE))
         shares = 1.0 - np.arange(1, count + 1) / max(periods, LITTLE)
         shares[-1] = 0.0
-        commands: Array = shares[:, None] * command
-        return commands
+        return np.asarray(shares[:, None] * command)
 
 
 def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProblem:
@@ -103,7 +101,9 @@ def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProble
     limit, and what the robot could do at the most.
     """
     ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
-    problem = within_ramps(problem, ramps)
+    changes = np.minimum(problem.du_max, problem.deceleration)
+    changes[np.isinf(problem.du_max)] = np.inf
+    problem = within_ramps(replace(problem, du_max=changes), ramps)
     most = LONGEST_RAMP * problem.deceleration
     u_min, u_max = np.maximum(problem.u_min, -most), np.minimum(problem.u_max, most)
     problem = replace(problem, u_min=u_min, u_max=u_max)
@@ -172,11 +172,10 @@ def check_motion(model: KoopmanModel, problem: NavigationProblem) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         ends = model.predict(np.zeros((2, STATES)), held, history)
     followed = np.array((np.hypot(ends[0, 0], ends[0, 1]), abs(ends[1, 2]))) / model.dt
-    for (name, unit), value, command in zip(AXES, followed, reached_speeds(problem), strict=True):
-        command = abs(command)
-        if not value >= FOLLOWED * command:  # NaN, too
+    for (name, unit), value, told in zip(AXES, followed, abs(reached_speeds(problem)), strict=True):
+        if not value >= FOLLOWED * told:  # NaN, too
             raise ProblemError(
-                f"model: at a {name} of {command:.2g} {unit} it moves by {value:.2g} {unit}, and "
+                f"model: at a {name} of {told:.2g} {unit} it moves by {value:.2g} {unit}, and "
                 "the robot would stand: learn it from a log in which it moves as it is commanded"
             )
 

@@ -74,11 +74,11 @@ class NavigationProblem:
         Distance to obstacles beyond the radii [m]; the paper has none.
     deceleration : array_like, optional
         How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2]. If not given it follows
-        the robot's size and speed: 1 m/s^2 and 4 rad/s^2 at 0.15 m and 0.6 m/s.
+        size and speed (1 m/s^2, 4 rad/s^2 at 0.15 m and 0.6 m/s), or is `du_max` if that is more.
     du_max : array_like
         How fast commands may change (2,) [m/s^2, rad/s^2]; infinite if not given, as in the
-        paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more; of
-        a robot that brakes less hard than it speeds up, give the smaller one in both.
+        paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more;
+        where that is given and less, commands change by no more than that.
     track, max_wheel_speed : float
         Distance between the wheels [m] and how fast one turns at its rim [m/s], for robots whose
         wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite if not
@@ -153,9 +153,10 @@ class NavigationProblem:
         if not self.wheels.reverse:
             set_field("u_min", np.maximum(self.u_min, (0.0, -np.inf)))
         # these follow the robot's size and speed where they are not given
-        scale = self.scale
+        scale, changes = self.scale, np.where(np.isfinite(self.du_max), self.du_max, 0.0)
+        usual = UNIT_DECELERATION[list(self.wheels.axes)] * scale.acceleration
         follows = {
-            "deceleration": UNIT_DECELERATION[list(self.wheels.axes)] * scale.acceleration,
+            "deceleration": np.maximum(usual, changes),
             "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
         }
         for name, usual in follows.items():
