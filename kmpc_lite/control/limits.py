@@ -19,12 +19,10 @@ from kmpc_lite.model.file import Ramps
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
-ROUNDING = 1.0 + 1e-9
-"""A change that is larger than allowed by less than this factor is the largest one allowed."""
+ROUNDING = 1.0 + 1e-9  # factor by which a change may be larger than allowed
 LONGEST_RAMP = 30.0  # no robot drives faster than it can stop from within this time [s]
 LITTLE = 1e-9  # rounding error of a count of periods
-SLOWEST = 300.0
-"""A robot needs at most this long for a way of its radius, or for a turn of half a radian [s]."""
+SLOWEST = 300.0  # longest time for a way of the robot's radius, or a turn of half a radian [s]
 HALF_RADIAN = 0.5
 START_TIME = 60.0  # from rest, it comes within this time [s] to ...
 STARTED = 0.1  # ... this share of its fastest speed and turn rate at the least.

@@ -76,9 +76,9 @@ class NavigationProblem:
         How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2]. If not given it follows
         size and speed (1 m/s^2, 4 rad/s^2 at 0.15 m and 0.6 m/s), or is `du_max` if that is more.
     du_max : array_like
-        How fast commands may change (2,) [m/s^2, rad/s^2]; infinite if not given, as in the
-        paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more;
-        where that is given and less, commands change by no more than that.
+        How fast commands may change (2,) [m/s^2, rad/s^2], no more than `deceleration` where that
+        is given, too; else infinite if not given, as in the paper. Speeds that shrink in an
+        emergency may do so at `deceleration`.
     track, max_wheel_speed : float
         Distance between the wheels [m] and how fast one turns at its rim [m/s], for robots whose
         wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite if not
@@ -143,6 +143,7 @@ class NavigationProblem:
         for name, length in sizes.items():
             if (value := getattr(self, name)) is not None:
                 set_field(name, weight(name, value, length))
+        brakes_so = self.deceleration is not None and self.du_max is type(self).du_max
         for name in ("u_min", "u_max", "du_max"):
             set_field(name, vector(name, self._by_axis(name), inputs))
         for name in ("x_min", "x_max"):
@@ -162,6 +163,8 @@ class NavigationProblem:
         for name, usual in follows.items():
             value = getattr(self, name)
             set_field(name, positive(name, usual if value is None else value, len(usual)))
+        if brakes_so:
+            set_field("du_max", self.deceleration.copy())
         if self.goal_tolerance is not None:
             set_field("goal_tolerance", positive("goal_tolerance", self.goal_tolerance, 2))
 
@@ -255,8 +258,7 @@ class NavigationProblem:
     @property
     def change_weight(self) -> Array:
         """R_change (2, 2); zero, as in the paper, if not given."""
-        inputs = len(self.u_min)
-        return np.zeros((inputs, inputs)) if self.R_change is None else self.R_change
+        return np.zeros((len(self.u_min),) * 2) if self.R_change is None else self.R_change
 
     def with_wheels(self, wheels: Wheels) -> NavigationProblem:
         """The same for a robot on other wheels: an omni's limits sideways are those ahead."""

@@ -136,6 +136,7 @@ def test_no_robot_is_asked_for_more_than_it_brakes() -> None:
         (slow, "u_max", [LONGEST_RAMP * 0.1, 0.5]),
         (quick, "deceleration", [2.0, 8.0]),
         ({**quick, "deceleration": (0.5, 9.0)}, "du_max", [0.5, 8.0]),
+        ({"deceleration": (0.5, 9.0)}, "du_max", [0.5, 9.0]),
     ):
         problem = kl.Controller(MODEL, kl.NavigationProblem(**given_)).problem
         assert getattr(problem, name).tolist() == kept
