@@ -121,6 +121,7 @@ class Knowledge:
     """All that follows from the model in use."""
 
     model: MotionModel  # predicts, in the robot's units
+    learned: MotionModel  # the same as it was learned, not adapted
     margins: Margins | None  # none without tightening
     capabilities: Capabilities | None  # none without guidance
 
@@ -170,13 +171,12 @@ class Examiner:
         """Work out all that follows from the learned model and the one in use."""
         adapted = model is not base
         motion = motion_model(model, self._units, self._scale)
+        learned = motion_model(base, self._units, self._scale) if adapted else motion
         margins = self._margins(motion, adapted)
-        if not self._guides:
-            return Knowledge(motion, margins, None)
-        found = self._learned_capabilities(base)
-        if adapted:
+        found = self._learned_capabilities(base) if self._guides else None
+        if adapted and found is not None:
             found = found.adapted(motion, self._units, self._options.guidance.turn_share)
-        return Knowledge(motion, margins, found)
+        return Knowledge(motion, learned, margins, found)
 
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:
         if not self._tightens:

@@ -286,7 +286,7 @@ class Pipeline:
         history.see(measured, model, self._newest)
         if lateness is not None:
             pose = measured if history.driven is not None else None
-            changed = self._lateness.see(lateness, model, history.given, pose)
+            changed = self._lateness.see(lateness, now.known.learned, history.given, pose)
             if changed:
                 # the pose that was expected now is one of another age
                 history.driven, state.innovation = None, InnovationState()
