@@ -11,7 +11,7 @@ from kmpc_lite.model.tube import MEMORY, Carried, closed_loop, rotations
 TURN_LENGTH, LOCATE_BACK, LOCATE_AHEAD, GOAL_STRETCH = 0.3, 0.5, 1.5, 0.5
 LEAST_DISTANCE, AT_CENTRE = 1e-9, 1e-9
 LEAVES = 0.5
-SHARES = np.array((28, 24, 20, 16, 12, 8, 6, 4, 3, 2, 1)) / 32.0
+SHARES = np.array((28, 24, 20, 16, 12, 8, 6, 4, 3, -32, 2, 1, -8, 0)) / 32.0
 """A motion leaves a thing if its clearance grows by this share of what is driven."""
 
 
@@ -282,9 +282,9 @@ def candidates(brakes, inputs, hardest, whole, at_once):
 
     m, firsts = inputs.shape[1], inputs[:1]
     if not whole:
-        change, turn = inputs[0] - hardest, np.append(np.zeros(m - 1), inputs[0, -1] - hardest[-1])
-        firsts = np.concatenate([np.outer(SHARES, change), np.outer((1.0, 0.25, 0.0), turn)])
-        firsts = within(hardest + firsts)
+        shares = np.outer(np.maximum(SHARES, 0.0), np.ones(m))
+        shares[:, -1] = np.abs(SHARES)
+        firsts = within(hardest + shares * (inputs[0] - hardest))
     length = periods(firsts)
     found = [
         np.concatenate([inputs[: j + 1], straight(inputs[j], periods(inputs[j]))])

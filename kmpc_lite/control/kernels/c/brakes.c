@@ -6,9 +6,8 @@
 
 static const real TINY = R(1e-9);
 /* Shares (of 32) of the coming command's change that are tried if the whole one is not clear:
- * eighths, and finer ones of a robot that must be slow; from TURNS on of its turn alone. */
-static const real SHARE[KMPC_SLOWER] = {28, 24, 20, 16, 12, 8, 6, 4, 3, 2, 1, 32, 8, 0};
-enum { TURNS = KMPC_SLOWER - 3 };
+ * eighths, and finer ones of a robot that must be slow; of its turn alone where below zero. */
+static const real SHARE[KMPC_SLOWER] = {28, 24, 20, 16, 12, 8, 6, 4, 3, -32, 2, 1, -8, 0};
 
 /* Periods that braking takes. */
 static real size_of(const struct kmpc_brakes *b, const real *command)
@@ -117,8 +116,8 @@ void kmpc_candidates(struct kmpc_batch *batch, const real *hardest)
     batch->length = batch->whole ? periods_of(b, batch->inputs) : 1;
     for (int j = 0; !batch->whole && j < KMPC_SLOWER; j++) {
         for (int i = 0; i < m; i++) {
-            const real share = j < TURNS || i == m - 1 ? SHARE[j] / 32 : 0;
-            batch->first[j][i] = hardest[i] + share * (batch->inputs[i] - hardest[i]);
+            const real share = SHARE[j] > 0 ? SHARE[j] : i == m - 1 ? -SHARE[j] : 0;
+            batch->first[j][i] = hardest[i] + share / 32 * (batch->inputs[i] - hardest[i]);
         }
         within(b, batch->first[j]);
         const int periods = periods_of(b, batch->first[j]);
