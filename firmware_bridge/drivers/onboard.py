@@ -47,7 +47,7 @@ class Kind(IntEnum):
     """What a message is; the board's own are from 128 on."""
 
     HEARTBEAT, POSE, GOAL, OBSTACLES, PATH = range(1, 6)
-    VELOCITY, ESTOP, RELEASE, ASK = range(7, 11)
+    VELOCITY, ESTOP, RELEASE, ASK = range(7, 11)  # 6 was a model
     ABOUT, STATE, WHEELS = range(128, 131)
 
 

@@ -165,15 +165,14 @@ class Examiner:
     ) -> None:
         self._units, self._scale, self._options = units, scale, options
         self._tightens, self._guides = tightens, guides
-        self._learned: tuple[KoopmanModel, Capabilities] | None = None
+        self._learned: tuple[KoopmanModel, MotionModel, Capabilities | None] | None = None
 
     def examine(self, base: KoopmanModel, model: KoopmanModel) -> Knowledge:
         """Work out all that follows from the learned model and the one in use."""
         adapted = model is not base
-        motion = motion_model(model, self._units, self._scale)
-        learned = motion_model(base, self._units, self._scale) if adapted else motion
+        learned, found = self._as_learned(base)
+        motion = motion_model(model, self._units, self._scale) if adapted else learned
         margins = self._margins(motion, adapted)
-        found = self._learned_capabilities(base) if self._guides else None
         if adapted and found is not None:
             found = found.adapted(motion, self._units, self._options.guidance.turn_share)
         return Knowledge(motion, learned, margins, found)
@@ -183,13 +182,13 @@ class Examiner:
             return None
         return Margins(motion, self._units, self._options.margins, adapted=adapted)
 
-    def _learned_capabilities(self, base: KoopmanModel) -> Capabilities:
+    def _as_learned(self, base: KoopmanModel) -> tuple[MotionModel, Capabilities | None]:
         if self._learned is None or self._learned[0] is not base:
-            from kmpc_lite.control.path.capabilities import capabilities
+            motion, found = motion_model(base, self._units, self._scale), None
+            if self._guides:
+                from kmpc_lite.control.path.capabilities import capabilities
 
-            motion = motion_model(base, self._units, self._scale)
-            options = self._options
-            margins = self._margins(motion, adapted=False)
-            found = capabilities(motion, self._units, margins, options.guidance, options.goal)
-            self._learned = base, found
-        return self._learned[1]
+                options, margins = self._options, self._margins(motion, adapted=False)
+                found = capabilities(motion, self._units, margins, options.guidance, options.goal)
+            self._learned = base, motion, found
+        return self._learned[1:]

@@ -155,9 +155,9 @@ class NavigationProblem:
             set_field("u_min", np.maximum(self.u_min, (0.0, -np.inf)))
         # these follow the robot's size and speed where they are not given
         scale, changes = self.scale, np.where(np.isfinite(self.du_max), self.du_max, 0.0)
-        usual = UNIT_DECELERATION[list(self.wheels.axes)] * scale.acceleration
+        brakes = UNIT_DECELERATION[list(self.wheels.axes)] * scale.acceleration
         follows = {
-            "deceleration": np.maximum(usual, changes),
+            "deceleration": np.maximum(brakes, changes),
             "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
         }
         for name, usual in follows.items():

@@ -31,7 +31,7 @@ struct kmpc_numbers {
     real last_weight[KMPC_LAST_WEIGHTS]; /* of P: of the last state */
     int turn_place[KMPC_TURNS];          /* of P: of the headings before it */
     real turn_weight;
-    /* what was learned: which of the terms are bilinear inputs; weights of commands by age, newest first */
+    /* what was learned: which terms are inputs; weights of commands by age, newest first */
     int term[KMPC_TERMS], terms, nodes;
     real kernel[(KMPC_L + 1) * 2], smoothing[2], limits[2], motion[3 * KMPC_TERMS], node[8];
     /* margins */

@@ -28,7 +28,7 @@ enum kmpc_kind {
     KMPC_SAY_GOAL,          /* 3 floats [m, m, rad]; nothing: stand */
     KMPC_SAY_OBSTACLES,     /* 5 floats each: x, y, radius [m], vx, vy [m/s]; nothing: none */
     KMPC_SAY_PATH,          /* 3 floats each [m, m, rad]; nothing: straight to the goal */
-    KMPC_SAY_VELOCITY = 7,  /* 2 floats [m/s, rad/s], u32 the robot's time of it [ms] */
+    KMPC_SAY_VELOCITY = 7,  /* (6 was a model) 2 floats [m/s, rad/s], u32 the robot's time [ms] */
     KMPC_SAY_ESTOP,         /* nothing: stand at once, until released */
     KMPC_SAY_RELEASE,       /* nothing: as if nothing had been said */
     KMPC_SAY_ASK,           /* nothing: who is there? */
