@@ -7,6 +7,7 @@ the port makes us close its oldest connections, but none that watches or is kept
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -113,8 +114,7 @@ class Buttons:
 
     def _enable(self) -> dict[str, Any]:
         """Clear a stop if one is pressed, then let the robot drive, as `kmpc estop` does."""
-        told = self._carry_out("status")
-        if told.get("latched"):
+        if self._carry_out("status").get("latched"):
             told = self._carry_out("reset")
             until = time.monotonic() + OBEY
             while told.get("ok") and told.get("gate") == STOPPED and time.monotonic() < until:
@@ -157,10 +157,8 @@ class Server(ThreadingHTTPServer):
         self.idle[request] = None
         for oldest in list(self.idle)[:-CONNECTIONS]:
             self.idle.pop(oldest, None)
-            try:
+            with contextlib.suppress(OSError):  # it may have gone already
                 oldest.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                continue  # has gone already
         super().process_request(request, client_address)
 
     def shutdown_request(self, request: Any) -> None:
@@ -281,14 +279,15 @@ class Handler(BaseHTTPRequestHandler):
     def _watch(self) -> None:
         """Send what is new as fast as the browser takes it, until it goes or is stuck."""
         self.close_connection = True
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", "text/event-stream")
-        self.send_header("X-Accel-Buffering", "no")
-        self.end_headers()
-        if not self.server.watchers.acquire(blocking=False):
-            self.wfile.write(b'data: {"full":true}\n\n')
-            return
+        admitted = self.server.watchers.acquire(blocking=False)
         try:
+            self.send_response(HTTPStatus.OK)
+            self.send_header("Content-Type", "text/event-stream")
+            self.send_header("X-Accel-Buffering", "no")
+            self.end_headers()
+            if not admitted:
+                self.wfile.write(b'data: {"full":true}\n\n')
+                return
             self.server.idle.pop(self.connection, None)
             self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
             version = 0
@@ -296,7 +295,8 @@ class Handler(BaseHTTPRequestHandler):
                 text, version = self.server.picture.since(version, SILENCE)
                 self.wfile.write(f"data: {text}\n\n".encode())
         finally:
-            self.server.watchers.release()
+            if admitted:
+                self.server.watchers.release()
 
 
 def serve(descriptor: int, make_ask: Callable[[Channel, Picture, dict[str, Any]], Ask]) -> None:
