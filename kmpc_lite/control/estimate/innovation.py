@@ -262,8 +262,6 @@ class ExpectedErrors:
         self._attack, self._release = (
             newest_weight(time, model.dt, FADING_PERIOD) for time in (ATTACK_TIME, RELEASE_TIME)
         )
-        # how much of a period they take is not known
-        self._ramps_are_given = model.noise_model is None and model.history == 1
         self._forgetting = newest_weight(FORGETTING_TIME, model.dt, FADING_PERIOD)
         longer = max(1.0, model.dt / LONG_PERIOD)
         self._judged_step, self._step = JUDGED_STEP * unit, longer * TOLERATED_STEP * unit
@@ -307,11 +305,8 @@ class ExpectedErrors:
         if state.error is None or period is None:
             state.level += self._forgetting * min(1.0 - state.level, 0.0)
         else:
-            error, heading = state.error, float(period.pose[2])
-            if self._ramps_are_given:
-                change = self._dt * (speeds(period.command) - speeds(period.earlier[-1]))
-                error = _unexplained(error, heading, change)
-            self.judge(state, error, heading, period.command, period.braked)
+            heading = float(period.pose[2])
+            self.judge(state, state.error, heading, period.command, period.braked)
 
     def judge(
         self, state: InnovationState, error: Array, heading: float, command: Array, braked: bool
@@ -371,22 +366,6 @@ def _entries(tube: TubeNoise, moved: Array) -> list[tuple[float, float, float, f
         (float(measured[ij]), float(at_speed[ij]), float(moved[0][ij]), float(moved[1][ij]))
         for ij in ((0, 0), (1, 1), (0, 1), (2, 2))
     ]
-
-
-def _unexplained(error: Array, heading: float, change: Array) -> Array:
-    """What is left of an error (3,) by a change of the command that comes half a period sooner.
-
-    `change` (2,) is how far it leads in a period; a robot that follows at once is ahead of one that
-    follows by a ramp.
-    """
-    cos, sin = math.cos(heading), math.sin(heading)
-    turned = math.remainder(float(error[2]), math.tau)
-    ahead, turn = (
-        min(max(e, min(0.5 * c, 0.0)), max(0.5 * c, 0.0))
-        for e, c in zip((cos * error[0] + sin * error[1], turned), change.tolist(), strict=True)
-    )
-    left: Array = error - np.array((ahead * cos, ahead * sin, turn))
-    return left
 
 
 def _mahalanobis(x: float, y: float, xx: float, yy: float, xy: float) -> float:

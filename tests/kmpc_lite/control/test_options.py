@@ -26,18 +26,6 @@ def test_a_value_that_is_none_is_refused_by_its_name(group: Any) -> None:
                 replace(group, **{field.name: value})
 
 
-def test_every_option_says_its_unit_or_reason() -> None:
-    import ast
-    import inspect
-
-    for group in GROUPS:
-        body = ast.parse(inspect.getsource(type(group))).body[0].body  # type: ignore[attr-defined]
-        for node, after in zip(body, [*body[1:], None], strict=True):
-            if isinstance(node, ast.AnnAssign):
-                told = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
-                assert told, f"{type(group).__name__}.{ast.unparse(node.target)} has no docstring"
-
-
 def test_tables_of_a_file_make_options_and_what_was_changed_makes_the_tables() -> None:
     tables = {
         "guidance": {"lead_time": 0.3},

@@ -1,5 +1,7 @@
 """Standing still at the goal, and getting there from anywhere nearby with any heading."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from guided import GuidedController
@@ -10,6 +12,7 @@ from kmpc_lab.peers.ipopt import AREA
 from kmpc_lab.sim.plants.lag import LaggingDrive
 from kmpc_lite.control.options import GoalOptions
 from kmpc_lite.control.path.progress import GoalCheckerState, goal_tolerances, holds
+from kmpc_lite.model.noise_model import NoiseModel, NoiseSources
 from kmpc_lite.option_fields import lengths_from_radii
 
 OPTIONS = lengths_from_radii(GoalOptions(), 0.15)
@@ -47,6 +50,14 @@ def test_a_robot_that_cannot_stop_inside_does_not_hold_yet() -> None:
     assert not goal.holds(np.zeros(3), np.array([ENTER[0] + 0.001, 0.0, 0.0]))
     assert not goal.holds(np.zeros(3), np.array([0.0, 0.0, -ENTER[1] - 0.001]))
     assert goal.holds(np.zeros(3), np.array([ENTER[0] - 0.001, 0.0, 0.0]))
+
+
+def test_errors_that_soon_grow_no_more_are_no_noise_of_the_pose() -> None:
+    still, none = 1e-6 * np.eye(3), np.zeros((2, 3))
+    sources = NoiseSources(np.full(3, 1e-3), np.zeros(3), none, none)
+    noise = NoiseModel(np.array([still, 0.0 * still, 0.0 * still]), sources)
+    model = replace(kl.nominal_unicycle(0.1), noise_model=noise)
+    assert Goal(model).tolerances == QUIET
 
 
 def test_one_pose_far_off_ends_it_at_once() -> None:
