@@ -158,7 +158,6 @@ def _along_path(controller: Controller) -> dict[str, Any]:
         "wheel_speed": can.wheels[1],
         "deceleration": can.deceleration,
         "lead_time": guidance.lead_time,
-        "free_turn": guidance.free_turn,
         "turn_distance": limits.turn_distance,
         "turn_limit": limits.turn_limit,
         **{n: [getattr(limits, f"{n}_{of}") for of in ("distance", "angle")] for n in both},

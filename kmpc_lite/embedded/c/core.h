@@ -41,7 +41,7 @@ struct kmpc_numbers {
     real position_errors[4], heading_errors[4], command_noise[18], pose_error;
     /* along a path */
     int late; /* periods until a command has had half of its effect */
-    real forward[2], backward[2], wheel_arm, wheel_speed, deceleration, lead_time, free_turn;
+    real forward[2], backward[2], wheel_arm, wheel_speed, deceleration, lead_time;
     real turn_distance, turn_limit, enter[2], leave[2], pushed[2], averaging;
 };
 

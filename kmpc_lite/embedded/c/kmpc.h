@@ -52,6 +52,8 @@ struct kmpc_path {
     real cusp[KMPC_PATH];                               /* when the gear changes */
     real step, braking;  /* time between places that are looked at; of braking at the end */
     real time, leg;      /* where the robot is; when its gear has changed last */
+    real reached, waited; /* place, and time for which the robot has come no farther */
+    int tries;            /* how often it has driven straight to its goal since */
     real mean_error[3];  /* averaged pose less goal since it has arrived */
 };
 

@@ -180,10 +180,8 @@ static int choose(const struct kmpc_batch *batch, struct judge *judge, struct km
             longest = step > longest ? step : longest;
         }
     }
-    judge->count = (int)M(ceil)(longest / (part > TINY ? part : TINY));
-    judge->count = judge->count < 1              ? 1
-                   : judge->count > MOST_SAMPLES ? MOST_SAMPLES
-                                                 : judge->count;
+    const real samples = M(ceil)(longest / (part > TINY ? part : TINY));
+    judge->count = (int)kmpc_clip(samples, 1, MOST_SAMPLES);
     for (int i = 0; i < batch->count; i++) {
         candidate(batch, i, found);
         if (is_clear(judge, found))

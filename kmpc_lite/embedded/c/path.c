@@ -7,12 +7,13 @@
 
 #define K kmpc_numbers
 
-static const real ROUNDING = R(1e-9), INSTANT = R(1e-9);
+static const real PI = R(3.14159265358979323846), ROUNDING = R(1e-9), INSTANT = R(1e-9);
 static const real GRID_STEP = R(0.05), PLACES = R(20000.0); /* time between places, and how many */
 static const real FAR = R(0.05);        /* how much nearer a place must be that lies farther on */
 static const real NEAR_CUSP = R(0.075); /* from a change of gear: the robot goes on */
 static const real AT_GOAL = R(1e-6);    /* distance that rounding leaves to the goal */
-static const real TURN_LENGTH = R(0.5), TURN_CLEARANCE = R(0.6); /* for the whole free turn */
+static const real PATIENCE = R(0.8), NEAR_GOAL = R(0.3); /* time and distance to wait beside it */
+enum { TRIES = 8 };
 
 static struct kmpc_timed timed(const struct kmpc_path *path)
 {
@@ -44,28 +45,11 @@ static real nearest_of(const real *point, int things, const real *thing)
     return least;
 }
 
-/* Part of the first turn that is made while driving. */
-static real free_turn(const struct kmpc_path *path, const real *here, int things, const real *thing)
-{
-    real length = 0, share = 1;
-    for (int i = 1; i + 2 < path->count; i++)
-        length += M(hypot)(path->pose[i + 1][0] - path->pose[i][0],
-                           path->pose[i + 1][1] - path->pose[i][1]);
-    const real around = nearest_of(here, things, thing) - K.distance;
-    const real shares[2] = {length / TURN_LENGTH, (around > 0 ? around : 0) / TURN_CLEARANCE};
-    for (int i = 0; i < 2; i++)
-        share = shares[i] < share ? shares[i] : share;
-    return K.free_turn * share;
-}
-
 /* When each pose is reached, where the gear changes, and where the robot is. */
-static void begin(struct kmpc_path *path, const real *here, int things, const real *thing)
+static void begin(struct kmpc_path *path, const real *here)
 {
     real (*pose)[3] = path->pose;
-    const real first = pose[1][2] - pose[0][2] - kmpc_nearest_turn(pose[1][2] - pose[0][2]);
-    const real turn = M(fabs)(first), free = free_turn(path, here, things, thing);
     int reversed = 0, gear = 0;
-    pose[0][2] = pose[1][2] - M(copysign)(turn - (free < turn ? free : turn), first);
     for (int i = 0; i + 1 < path->count; i++)
         reversed = reversed || gear_of(pose[i], pose[i + 1]) < 0;
     const real *speed = reversed ? K.backward : K.forward;
@@ -99,6 +83,30 @@ static void begin(struct kmpc_path *path, const real *here, int things, const re
             path->time = found[0];
         }
     }
+}
+
+/* A robot that waits near its goal, beside it, drives straight there: a few times, for there may be
+ * no way. */
+static void mend_end(struct kmpc_path *path, const real *here, const real *error)
+{
+    const real far = M(hypot)(error[0], error[1]), round = K.backward[0] > 0 ? PI : 2 * PI;
+    const int gets_on = path->turning || path->holding || path->time > path->reached + GRID_STEP;
+    path->reached = gets_on ? path->time : path->reached;
+    path->waited = gets_on ? 0 : path->waited + K.dt;
+    path->tries = path->holding ? 0 : path->tries;
+    if (path->waited <= PATIENCE || far > NEAR_GOAL || path->tries == TRIES)
+        return;
+    const real turn = M(atan2)(-error[1], -error[0]) - here[2];
+    memmove(path->pose[3], path->pose[path->count - 1], 3 * sizeof(real));
+    memcpy(path->pose[2], path->pose[3], 3 * sizeof(real));
+    for (int k = 0; k < 2; k++)
+        memcpy(path->pose[k], here, 3 * sizeof(real));
+    path->pose[1][2] = path->pose[2][2] = here[2] + turn - round * M(rint)(turn / round);
+    path->pose[3][2] -= kmpc_nearest_turn(path->pose[3][2] - path->pose[2][2]);
+    path->count = 4;
+    path->begun = 0;
+    path->time = path->leg = path->waited = path->reached = 0;
+    path->tries++;
 }
 
 /* Go on to the next leg where the robot has come to a change of gear. */
@@ -163,10 +171,8 @@ static int holds(struct kmpc_path *path, const real *error, const real *rest, co
 static void begin_last_turn(struct kmpc_path *path, const real *error, const real *rest)
 {
     const real far = M(hypot)(error[0], error[1]), at_rest = M(hypot)(rest[0], rest[1]);
-    if (path->turning)
-        path->turning = far <= K.turn_limit;
-    else
-        path->turning = (far > at_rest ? far : at_rest) <= K.turn_distance;
+    path->turning = path->turning ? far <= K.turn_limit
+                                  : far <= K.turn_distance && at_rest <= K.turn_distance;
 }
 
 void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past,
@@ -187,9 +193,10 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
     for (int i = 0; i < 3; i++)
         rolled[i] += rest[i] += error[i] - here[i];
     begin_last_turn(path, error, rest);
+    mend_end(path, here, error);
     const int is_new = !path->begun;
     if (is_new)
-        begin(path, here, things, thing);
+        begin(path, here);
     const struct kmpc_timed on = timed(path);
     const real drive_end = path->begins[path->count - 2];
     if (!is_new) {

@@ -20,28 +20,23 @@ struct seen {
 static void take_in(const struct kmpc_input *input, struct seen *seen)
 {
     seen->refusal = NULL;
-    seen->things = 0;
     seen->pose_is_known = kmpc_all_within(input->pose, 3, LIMIT);
     if (input->circles < 0 || input->circles > KMPC_THINGS)
         seen->refusal = "too many obstacles";
     for (int i = 0; i < input->circles && !seen->refusal; i++) {
         const real *circle = input->circle + 5 * i;
         real *row = seen->thing + KMPC_THING * i;
-        if (!kmpc_all_within(circle, 5, LIMIT) || circle[2] < 0) {
+        if (!kmpc_all_within(circle, 5, LIMIT) || circle[2] < 0)
             seen->refusal = "obstacle not usable";
-            break;
-        }
         for (int j = 0; j < 5; j++)
             row[j] = circle[j] / K.circle[j];
         row[5] = row[6] = 0;
     }
-    if (!seen->refusal) {
-        seen->things = input->circles;
-        if (!seen->pose_is_known)
-            seen->refusal = "pose not usable";
-        else if (!kmpc_all_within(input->goal, 3, LIMIT))
-            seen->refusal = "goal not usable";
-    }
+    seen->things = seen->refusal ? 0 : input->circles;
+    if (!seen->refusal && !seen->pose_is_known)
+        seen->refusal = "pose not usable";
+    if (!seen->refusal && !kmpc_all_within(input->goal, 3, LIMIT))
+        seen->refusal = "goal not usable";
     for (int i = 0; i < 3; i++) {
         seen->pose[i] = input->pose[i] / K.state[i];
         seen->goal[i] = input->goal[i] / K.state[i];
@@ -132,8 +127,7 @@ static void answer(const struct seen *seen, const real *states, const real *inpu
 {
     for (int k = 0; k <= KMPC_N; k++)
         for (int i = 0; i < 3; i++)
-            plan->states[k][i] =
-                (states[3 * k + i] + (i == 2 ? seen->turns : 0)) * K.state[i];
+            plan->states[k][i] = (states[3 * k + i] + (i == 2 ? seen->turns : 0)) * K.state[i];
     for (int k = 0; k < KMPC_N; k++)
         for (int i = 0; i < 2; i++)
             plan->inputs[k][i] = inputs[2 * k + i] * K.command[i];
@@ -158,8 +152,7 @@ static void stop(struct kmpc *robot, const struct seen *seen, const char *reason
     if (robot->resting && (seen->pose_is_known || robot->expects)) {
         const int periods = robot->resting + KMPC_L;
         kmpc_model_rollout(here, robot->past[0], robot->rest[0], robot->resting, periods, states);
-        blocked =
-            !(kmpc_clearance_along(states, periods + 1, seen->things, seen->thing) >= 0);
+        blocked = !(kmpc_clearance_along(states, periods + 1, seen->things, seen->thing) >= 0);
         if (!blocked && kmpc_all_within(states, 3 * (periods + 1), HUGE_NUMBER)) {
             real command[2] = {robot->rest[0][0], robot->rest[0][1]};
             kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
