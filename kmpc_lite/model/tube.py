@@ -105,14 +105,11 @@ class TubeNoise:
     """Of one period, to be multiplied by v^2 and omega^2, (2, 3, 3): independent of the others'."""
     lasting: Array
     """The same of errors that are alike in all periods of a plan, (2, 3, 3): they add up."""
-    residual: Array
-    """Of one period of a robot that stands, (3, 3): two poses err in it. `pose` may hold more: what
-    grows no more soon after a plan begins."""
 
     @property
     def pose_deviation(self) -> tuple[float, float]:
         """Standard deviations of one measured pose at rest: of each coordinate, and of heading."""
-        x, y, heading = (0.5 * self.residual.diagonal()).tolist()
+        x, y, heading = (0.5 * self.poses * self.pose.diagonal()).tolist()
         return math.sqrt(0.5 * (x + y)), math.sqrt(heading)
 
 
@@ -127,10 +124,9 @@ def tube_noise(noise: NoiseModel | None, dt: float) -> TubeNoise:
     """
     floor, none = FLOOR**2 * np.eye(STATES), np.zeros((INPUTS, STATES, STATES))
     if noise is None:
-        return TubeNoise(floor, none[0], 1.0, none, none, floor)
-    still = noise.coefficients[0] + floor
+        return TubeNoise(floor, none[0], 1.0, none, none)
     if noise.sources is None:
-        return TubeNoise(still, none[0], 1.0, noise.coefficients[1:], none, still)
+        return TubeNoise(noise.coefficients[0] + floor, none[0], 1.0, noise.coefficients[1:], none)
     found = noise.sources
     return TubeNoise(
         np.diag(found.pose) + floor,
@@ -138,7 +134,6 @@ def tube_noise(noise: NoiseModel | None, dt: float) -> TubeNoise:
         2.0,
         np.array([np.diag(row) for row in found.white]),
         np.array([np.diag(row) for row in found.lasting]) * dt**2,
-        still,
     )
 
 

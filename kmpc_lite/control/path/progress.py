@@ -16,7 +16,6 @@ import numpy as np
 from kmpc_lite.control.clock import newest_weight
 from kmpc_lite.control.options import GoalOptions
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array
 
 PROGRESS_TIME = 0.05
@@ -139,10 +138,7 @@ class GoalTolerances:
 
 
 def widened(limits: GoalTolerances, longer: float, wider: float) -> GoalTolerances:
-    """Distances so many times as long and angles as wide, but for the path's.
-
-    A robot that is pushed is so beyond them.
-    """
+    """Distances so many times as long and angles as wide; who is pushed must come beyond them."""
     distance, angle = longer * limits.leave_distance, wider * limits.leave_angle
     return replace(
         limits,
@@ -183,7 +179,9 @@ def goal_tolerances(
     if asked is not None:
         distance, angle = asked.tolist()
         found = widened(found, distance / o.leave_distance, angle / o.leave_angle)
-    deviations = tube_noise(model.noise_model, model.dt).pose_deviation
+    # in the error of one period two poses err; what holds for longer is the model's
+    x, y, heading = (0.5 * model.noise(np.zeros(model.inputs)).diagonal()).tolist()
+    deviations = math.sqrt(0.5 * (x + y)), math.sqrt(heading)
     for deviation, quiet, by in zip(deviations, QUIET, (BY_POSITION, BY_HEADING), strict=True):
         noise = max(deviation - quiet, 0.0)
         found = replace(found, **{name: getattr(found, name) + k * noise for name, k in by.items()})
