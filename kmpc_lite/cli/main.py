@@ -37,6 +37,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     `arguments`: command line without the program's name; the process's own if not given.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
+    if "--json" in words and sys.stdout and sys.stdout is sys.__stdout__:
+        # what libraries in C print is no JSON: OSQP does where Ctrl-C comes while it solves
+        sys.stdout = os.fdopen(os.dup(1), "w")
+        os.dup2(2, 1)
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
     warnings.showwarning = lambda text, *_: print(f"kmpc: warning: {text}", file=sys.stderr)
@@ -45,12 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options = build_parser(known_commands(), words).parse_args(words)
             errors = (*errors, *options.errors)
             status: int = options.run(options)
-        except SystemExit:  # help was asked for
+            return status
+        finally:
+            # here a reader that has left can still be handled; at the end of Python it cannot
             print(end="", flush=True)
-            raise
-        # here a reader that has left can still be handled; at the end of Python it cannot
-        print(end="", flush=True)
-        return status
     except UsageError as error:
         return told(str(error), prog=error.prog)
     except BrokenPipeError:

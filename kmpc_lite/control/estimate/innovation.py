@@ -305,8 +305,7 @@ class ExpectedErrors:
         if state.error is None or period is None:
             state.level += self._forgetting * min(1.0 - state.level, 0.0)
         else:
-            heading = float(period.pose[2])
-            self.judge(state, state.error, heading, period.command, period.braked)
+            self.judge(state, state.error, float(period.pose[2]), period.command, period.braked)
 
     def judge(
         self, state: InnovationState, error: Array, heading: float, command: Array, braked: bool

@@ -196,8 +196,7 @@ class SearchDriver:
         self._parts = search.parts = search.parts + 1
         search.quanta += quanta
         if self._found(search) is not None:
-            # one more, in which it began
-            steps = 1 + math.ceil(search.quanta / self._options.hurried_parts)
+            steps = 1 + math.ceil(search.quanta / self._options.hurried_parts)  # and the first
             state.search_time = longest_lately(state.search_time, steps * self._dt)
         return quanta
 
