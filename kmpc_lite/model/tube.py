@@ -108,7 +108,7 @@ class TubeNoise:
 
     @property
     def pose_deviation(self) -> tuple[float, float]:
-        """Standard deviations of one measured pose at rest: of each coordinate, and of heading."""
+        """Standard deviations of a pose at which a plan begins: of each coordinate, of heading."""
         x, y, heading = (0.5 * self.poses * self.pose.diagonal()).tolist()
         return math.sqrt(0.5 * (x + y)), math.sqrt(heading)
 

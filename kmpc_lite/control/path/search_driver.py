@@ -196,7 +196,7 @@ class SearchDriver:
         self._parts = search.parts = search.parts + 1
         search.quanta += quanta
         if self._found(search) is not None:
-            steps = 1 + math.ceil(search.quanta / self._options.hurried_parts)  # and the first
+            steps = 1 + math.ceil(search.quanta / self._options.hurried_parts)  # it began in one
             state.search_time = longest_lately(state.search_time, steps * self._dt)
         return quanta
 

@@ -7,7 +7,7 @@
 
 #define K kmpc_numbers
 
-static const real PI = R(3.14159265358979323846), ROUNDING = R(1e-9), INSTANT = R(1e-9);
+static const real ROUNDING = R(1e-9), INSTANT = R(1e-9);
 static const real GRID_STEP = R(0.05), PLACES = R(20000.0); /* time between places, and how many */
 static const real FAR = R(0.05);        /* how much nearer a place must be that lies farther on */
 static const real NEAR_CUSP = R(0.075); /* from a change of gear: the robot goes on */
@@ -85,23 +85,23 @@ static void begin(struct kmpc_path *path, const real *here)
     }
 }
 
-/* A robot that waits near its goal, beside it, drives straight there: a few times, for there may be
- * no way. */
+/* A robot that waits near its goal, beside it, drives straight there, ahead or (n = 2) backwards: a
+ * few times, for there may be no way. */
 static void mend_end(struct kmpc_path *path, const real *here, const real *error)
 {
-    const real far = M(hypot)(error[0], error[1]), round = K.backward[0] > 0 ? PI : 2 * PI;
+    const real far = M(hypot)(error[0], error[1]);
     const int gets_on = path->turning || path->holding || path->time > path->reached + GRID_STEP;
     path->reached = gets_on ? path->time : path->reached;
     path->waited = gets_on ? 0 : path->waited + K.dt;
     path->tries = path->holding ? 0 : path->tries;
     if (path->waited <= PATIENCE || far > NEAR_GOAL || path->tries == TRIES)
         return;
-    const real turn = M(atan2)(-error[1], -error[0]) - here[2];
+    const real course = M(atan2)(-error[1], -error[0]), n = K.backward[0] > 0 ? 2 : 1;
     memmove(path->pose[3], path->pose[path->count - 1], 3 * sizeof(real));
     memcpy(path->pose[2], path->pose[3], 3 * sizeof(real));
     for (int k = 0; k < 2; k++)
         memcpy(path->pose[k], here, 3 * sizeof(real));
-    path->pose[1][2] = path->pose[2][2] = here[2] + turn - round * M(rint)(turn / round);
+    path->pose[1][2] = path->pose[2][2] = course - kmpc_nearest_turn(n * (course - here[2])) / n;
     path->pose[3][2] -= kmpc_nearest_turn(path->pose[3][2] - path->pose[2][2]);
     path->count = 4;
     path->begun = 0;
