@@ -24,7 +24,7 @@ enum kmpc_status {
 struct kmpc_input {
     real pose[3];       /* measured: m, m, rad; any multiple of 2 pi in the heading */
     real goal[3];       /* pose to reach; with a path, that one's end is */
-    int circles;        /* how many, at most KMPC_THINGS: more are refused */
+    int circles;        /* how many; the nearest KMPC_THINGS are looked at */
     const real *circle; /* (circles, 5): x, y, radius [m], vx, vy [m/s] */
     const real *sent;   /* (2,) what was really sent in the past period; null: the last command */
     int passes;         /* most passes of the SQP: bounds the time of a step; 0: as many as Python */

@@ -58,13 +58,10 @@ static void begin(struct kmpc_path *path, const real *here)
     for (int i = 0; i + 1 < path->count; i++) {
         const real length = M(hypot)(pose[i + 1][0] - pose[i][0], pose[i + 1][1] - pose[i][1]);
         const real turned = M(fabs)(pose[i + 1][2] - pose[i][2]);
-        const real needed[3] = {length / speed[0], turned / speed[1],
-                                (length + K.wheel_arm * turned) / K.wheel_speed};
+        const real by_wheel = (length + K.wheel_arm * turned) / K.wheel_speed;
         const int next = gear_of(pose[i], pose[i + 1]);
-        real most = INSTANT;
-        for (int j = 0; j < 3; j++)
-            most = needed[j] > most ? needed[j] : most;
-        path->begins[i + 1] = path->begins[i] + most;
+        path->begins[i + 1] = path->begins[i] + M(fmax)(M(fmax)(length / speed[0], turned / speed[1]),
+                                                        M(fmax)(by_wheel, INSTANT));
         if (next && gear && next != gear)
             path->cusp[path->cusps++] = path->begins[i];
         gear = next ? next : gear;
@@ -167,14 +164,6 @@ static int holds(struct kmpc_path *path, const real *error, const real *rest, co
     return path->holding;
 }
 
-/* The last turn begins where the robot comes to a stop, and is given up where it has left. */
-static void begin_last_turn(struct kmpc_path *path, const real *error, const real *rest)
-{
-    const real far = M(hypot)(error[0], error[1]), at_rest = M(hypot)(rest[0], rest[1]);
-    path->turning = path->turning ? far <= K.turn_limit
-                                  : far <= K.turn_distance && at_rest <= K.turn_distance;
-}
-
 void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past,
                       const real *coming, int things, const real *thing, struct kmpc_way *way)
 {
@@ -192,7 +181,9 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
         rolls_on(pose, past, rolled);
     for (int i = 0; i < 3; i++)
         rolled[i] += rest[i] += error[i] - here[i];
-    begin_last_turn(path, error, rest);
+    /* the last turn begins where the robot comes to a stop, and is given up where it has left */
+    path->turning = M(hypot)(error[0], error[1]) <= (path->turning ? K.turn_limit : K.turn_distance) &&
+                    (path->turning || M(hypot)(rest[0], rest[1]) <= K.turn_distance);
     mend_end(path, here, error);
     const int is_new = !path->begun;
     if (is_new)

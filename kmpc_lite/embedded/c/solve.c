@@ -44,10 +44,8 @@ void kmpc_rate_limit(const real *last, real *command)
     for (int i = 0; i < 2 && K.limits_changes; i++) {
         const real change = command[i] - last[i], size = M(fabs)(change);
         real allowed = K.change[i];
-        if (change * last[i] < 0) {
-            const real brake = K.brake[i] < M(fabs)(last[i]) ? K.brake[i] : M(fabs)(last[i]);
-            allowed = allowed > brake ? allowed : brake;
-        }
+        if (change * last[i] < 0)
+            allowed = M(fmax)(allowed, M(fmin)(K.brake[i], M(fabs)(last[i])));
         if (size > allowed * (1 + R(1e-9)) && allowed / size < share)
             share = allowed / size;
     }

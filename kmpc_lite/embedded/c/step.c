@@ -17,30 +17,45 @@ struct seen {
     const char *refusal; /* null if it can be planned */
 };
 
-static void take_in(const struct kmpc_input *input, struct seen *seen)
+/* The nearest circles, as many as are looked at; whether all that are given are usable. */
+static int take_circles(const struct kmpc_input *input, const real *here, struct seen *seen)
 {
-    seen->refusal = NULL;
-    seen->pose_is_known = kmpc_all_within(input->pose, 3, LIMIT);
-    if (input->circles < 0 || input->circles > KMPC_THINGS)
-        seen->refusal = "too many obstacles";
-    for (int i = 0; i < input->circles && !seen->refusal; i++) {
+    real far[KMPC_THINGS];
+    seen->things = 0;
+    for (int i = 0; i < input->circles; i++) {
         const real *circle = input->circle + 5 * i;
-        real *row = seen->thing + KMPC_THING * i;
+        real row[KMPC_THING] = {0};
         if (!kmpc_all_within(circle, 5, LIMIT) || circle[2] < 0)
-            seen->refusal = "obstacle not usable";
+            return 0;
         for (int j = 0; j < 5; j++)
             row[j] = circle[j] / K.circle[j];
-        row[5] = row[6] = 0;
+        const real away = M(hypot)(row[0] - here[0], row[1] - here[1]) - row[2];
+        int at = seen->things < KMPC_THINGS ? seen->things++ : 0;
+        for (int j = 1; j < KMPC_THINGS && i >= KMPC_THINGS; j++)
+            at = far[j] > far[at] ? j : at;
+        if (i >= KMPC_THINGS && !(away < far[at]))
+            continue;
+        far[at] = away;
+        memcpy(seen->thing + KMPC_THING * at, row, sizeof(row));
     }
-    seen->things = seen->refusal ? 0 : input->circles;
-    if (!seen->refusal && !seen->pose_is_known)
-        seen->refusal = "pose not usable";
-    if (!seen->refusal && !kmpc_all_within(input->goal, 3, LIMIT))
-        seen->refusal = "goal not usable";
+    return input->circles >= 0;
+}
+
+static void take_in(const struct kmpc *robot, const struct kmpc_input *input, struct seen *seen)
+{
+    seen->pose_is_known = kmpc_all_within(input->pose, 3, LIMIT);
     for (int i = 0; i < 3; i++) {
         seen->pose[i] = input->pose[i] / K.state[i];
         seen->goal[i] = input->goal[i] / K.state[i];
     }
+    const real *here = seen->pose_is_known ? seen->pose : robot->expected;
+    seen->refusal = take_circles(input, here, seen) ? NULL : "obstacle not usable";
+    if (seen->refusal)
+        seen->things = 0;
+    if (!seen->refusal && !seen->pose_is_known)
+        seen->refusal = "pose not usable";
+    if (!seen->refusal && !kmpc_all_within(input->goal, 3, LIMIT))
+        seen->refusal = "goal not usable";
     seen->turns = seen->pose_is_known ? kmpc_nearest_turn(seen->pose[2]) : 0;
     seen->pose[2] -= seen->turns;
     if (!seen->refusal)
@@ -248,11 +263,7 @@ static void hold(struct kmpc *robot, const struct seen *seen, struct kmpc_plan *
     memset(&still, 0, sizeof(still));
     kmpc_rate_limit(robot->past[KMPC_PAST - 1], still.inputs[0]);
     kmpc_duals_in_the_open(still.duals);
-    for (int k = 0; k <= KMPC_N; k++)
-        memcpy(still.states[k], seen->pose, sizeof(still.states[k]));
-    if (still.inputs[0][0] != 0 || still.inputs[0][1] != 0) /* it still brakes */
-        kmpc_model_rollout(seen->pose, robot->past[0], still.inputs[0], KMPC_N, KMPC_N,
-                           still.states[0]);
+    kmpc_model_rollout(seen->pose, robot->past[0], still.inputs[0], KMPC_N, KMPC_N, still.states[0]);
     keep(robot, &still);
     robot->resting = kmpc_braking(still.inputs[0], robot->rest[0]);
     memcpy(robot->expected, still.states[1], 3 * sizeof(real));
@@ -271,7 +282,7 @@ void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_p
     static struct kmpc_motion_to_rest motion;
     static struct kmpc_way way;
     struct kmpc_result result;
-    take_in(input, &seen);
+    take_in(robot, input, &seen);
     if (input->sent && kmpc_all_within(input->sent, 2, LIMIT))
         for (int i = 0; i < 2; i++)
             robot->past[KMPC_PAST - 1][i] = kmpc_clip(input->sent[i] / K.command[i], K.u_min[i], K.u_max[i]);

@@ -85,7 +85,7 @@ def random_scene(seed: int, radius: float) -> tuple[np.ndarray, np.ndarray, np.n
 
 @pytest.mark.parametrize("seed", range(3))
 def test_answers_as_python_does(both, seed):
-    """Statuses are the same, commands within 3e-7: OSQP is built twice. Circles stand and move."""
+    """Statuses are the same, commands within 3e-7: OSQP is built twice. Only near circles count."""
     python, exported = both
     python.reset(), exported.reset()
     pose, goal, circles = random_scene(seed, python.problem.robot_radius)
@@ -93,7 +93,8 @@ def test_answers_as_python_does(both, seed):
     for k in range(40):
         now = circles.copy()
         now[:, :2] += circles[:, 3:] * k * model.dt
-        theirs, ours = python.step(pose, goal, now), exported.step(pose, goal, now)
+        crowd = np.vstack([*[now + (1e3, 0.0, 0.0, 0.0, 0.0)] * (5 * (seed == 2)), now])
+        theirs, ours = python.step(pose, goal, now), exported.step(pose, goal, crowd)
         assert ours.status is theirs.status, (k, ours.reason, theirs.reason)
         np.testing.assert_allclose(ours.command, theirs.command, rtol=0, atol=3e-7)
         np.testing.assert_allclose(ours.states, theirs.states, rtol=0, atol=1e-5)
@@ -103,7 +104,7 @@ def test_answers_as_python_does(both, seed):
 
 
 def test_nothing_that_comes_in_is_answered_by_more_than_bounds(both):
-    """NaN, infinity, huge and negative numbers, too many circles: a safe command and a status."""
+    """NaN, infinity, huge and negative numbers: a safe command and a status."""
     python, exported = both
     least, most, _, _ = python.problem.bounds
     random = np.random.default_rng(9)
@@ -119,8 +120,7 @@ def test_nothing_that_comes_in_is_answered_by_more_than_bounds(both):
         plan = exported.step(pose, goal, circles, sent if random.random() < 0.5 else None)
         assert np.isfinite(plan.command).all()
         assert (plan.command >= least).all() and (plan.command <= most).all()
-        usable = all(np.isfinite(a).all() for a in (pose, goal, circles)) and len(circles) <= 24
-        if not usable:
+        if not all(np.isfinite(a).all() for a in (pose, goal, circles)):
             assert plan.status.name in ("FALLBACK", "STOPPED") and plan.reason
 
 
