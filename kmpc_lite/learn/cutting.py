@@ -101,7 +101,7 @@ def period_of(log: Log) -> float:
     steps = np.diff(time)
     if not (steps > 0.0).any():
         raise DataError(f"{log.name}: the time of its poses does not grow")
-    return _tidy(float(np.median(steps[steps > 0.0])), 2.0 * _resolution(time))
+    return _tidy(float(np.median(steps[steps > 0.0])), 2.0 * np.spacing(np.abs(time).max()))
 
 
 def model_period(log: Log) -> float:
@@ -109,13 +109,8 @@ def model_period(log: Log) -> float:
     return max(SHORTEST_PERIOD, period_of(log))
 
 
-def _resolution(time: Array) -> float:
-    """What time stamps can tell [s]."""
-    return float(np.spacing(np.abs(time).max()))
-
-
 def _tidy(period: float, resolution: float) -> float:
-    """Round a period to what the time stamps can tell [s].
+    """Round a period to what the time stamps can tell, their resolution [s].
 
     With stamps that count from 1970 it is 0.05 s rather than 0.0499999523 s.
     """
@@ -140,7 +135,7 @@ def _even_period(log: Log, whole: Array) -> float:
                         "give dt= (--dt) to resample")  # fmt: skip
     # the mean over a piece is known better than one step, by as many times as it has steps
     pieces = (1.0 + float((~whole).sum())) / float(whole.sum())
-    return _tidy(mean, 2.0 * _resolution(log.poses.time) * pieces)
+    return _tidy(mean, 2.0 * np.spacing(np.abs(log.poses.time).max()) * pieces)
 
 
 def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Episode]:
@@ -159,8 +154,8 @@ def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Epi
         dt = model_period(log)
     limit = gap or (GAP * period if log.together else max(GAP * period, dt or 0.0))
     whole = (steps > 0.0) & (steps <= limit) & (stretch[1:] == stretch[:-1])
-    for jumped in jumps_of(log).values():
-        whole &= jumped == 0.0
+    for jumped in jumps_of(log).values():  # the speed that is measured after one is the jump's
+        whole &= (jumped == 0.0) & (np.append(0.0, jumped[:-1]) == 0.0)
     if own and whole.any():
         period = _even_period(log, whole)
     episodes = []
@@ -214,13 +209,16 @@ def jumps_of(log: Log) -> dict[str, Array]:
     rows = np.flatnonzero(np.append(True, np.any(np.diff(poses, axis=0) != 0.0, axis=1)))
     if len(rows) < 20:  # too few to tell
         return {}
-    asked, steps = asked_of(log).max(axis=0), np.diff(time[rows])
-    moved, whole = np.diff(poses[rows], axis=0), (steps > 0.0) & (steps <= GAP * np.median(steps))
+    told, steps, last = asked_of(log), np.diff(time[rows]), np.diff(time)[rows[1:] - 1]
+    asked = np.minimum(told[1:], told[:-1]).max(axis=0)  # for longer than a jump
+    moved, longest = np.diff(poses[rows], axis=0), GAP * np.median(steps)
+    whole, seen = ((t > 0.0) & (t <= longest) for t in (steps, last))
+    steps = np.minimum(steps, longest)  # it may have stood before
     found = {}
     for k, name in enumerate(("position", "heading")):
         size = np.abs(wrap(moved[:, 2])) if k else np.hypot(moved[:, 0], moved[:, 1])
         usual = float(np.quantile(size[whole], USUAL)) if whole.any() else np.inf
-        jumps = whole & (size > JUMP * np.maximum(usual, float(asked[k]) * steps))
+        jumps = seen & (size > JUMP * np.maximum(usual, float(asked[k]) * steps))
         if jumps.any():
             found[name] = np.zeros(len(time) - 1)
             found[name][rows[1:][jumps] - 1] = size[jumps]

@@ -356,7 +356,7 @@ def parse_time(text: str) -> float:
     try:
         return parse_number(text)
     except ValueError:
-        bare = text.strip()
+        bare = text.strip().replace("/", "-", 2).replace("/", "T")
         when = datetime.fromisoformat(bare if bare[2:3] != ":" else f"1970-01-01T{bare}")
     # if no zone is given only differences count, and those of local clocks may jump by an hour
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()

@@ -1,5 +1,7 @@
 """Options are checked one by one, and refused by their names."""
 
+import ast
+import inspect
 import re
 from dataclasses import fields, replace
 from pathlib import Path
@@ -20,10 +22,16 @@ def test_a_value_that_is_none_is_refused_by_its_name(group: Any) -> None:
         if not isinstance(getattr(group, field.name), bool):
             wrong += [float("nan"), float("inf"), -1.0, True]
         for value in wrong:
-            with pytest.raises(
-                kl.ProblemError, match=f"{type(group).__name__}.{field.name}: expected"
-            ):
+            told = f"{type(group).__name__}.{field.name}: expected"
+            with pytest.raises(kl.ProblemError, match=told):
                 replace(group, **{field.name: value})
+
+
+@pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)
+def test_every_option_says_its_unit_or_reason(group: Any) -> None:
+    nodes = ast.parse(inspect.getsource(type(group))).body[0].body  # type: ignore[attr-defined]
+    for node, after in zip(nodes, [*nodes[1:], None], strict=True):
+        assert not isinstance(node, ast.AnnAssign) or isinstance(after, ast.Expr), ast.unparse(node)
 
 
 def test_tables_of_a_file_make_options_and_what_was_changed_makes_the_tables() -> None:

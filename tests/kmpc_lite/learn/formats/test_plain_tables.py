@@ -28,7 +28,10 @@ def as_lists(table: Array) -> list[list[object]]:
     return [list(row) for row in table.tolist()]
 
 
-@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%d %H:%M:%S.%f", "%H:%M:%S.%f"])
+FORMS = "%Y-%m-%dT%H:%M:%S.%fZ", "%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d/%H:%M:%S.%f", "%H:%M:%S.%f"
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_times_may_be_dates(tmp_path: Path, form: str) -> None:
     begin, table = datetime(2026, 3, 29, 0, 59, 50, tzinfo=UTC), as_lists(TABLE)
     for row in table:
