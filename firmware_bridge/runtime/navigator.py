@@ -9,7 +9,7 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from firmware_bridge.messages import STILL, Speeds, State, VelocityCommand
@@ -169,7 +169,7 @@ class Navigator:
         self._wait = seconds if wait is None else wait
         self._started: float | None = None
         self._began: float | None = None
-        self._inside_since: float | None = None
+        self._inside: tuple[float, State] | None = None  # since when and where it stands there
         self._last: State | None = None
         self._wanted = STILL
         self.arrived_after: float | None = None
@@ -187,7 +187,7 @@ class Navigator:
         """Plan from a pose."""
         now = self._clock()
         if (goal := self._wish) is not None:
-            self._wish = self._inside_since = self.arrived_after = None
+            self._wish = self._inside = self.arrived_after = None
             self.route.go(goal)
         if self._began is None and (wrong := self._misplaced(state)):
             # only where the gate lets it begin: until then it may be carried, or its pose settle
@@ -240,18 +240,16 @@ class Navigator:
     @property
     def stays(self) -> bool:
         """Whether the last pose is still within the tolerance of the goal."""
-        distance, turn = self.errors()
-        near = distance <= self._task.tolerance and turn <= self._task.heading_tolerance
-        return near and not self.route.idle
+        return self._is_there(*self.errors()) and not self.route.idle
+
+    def _is_there(self, distance: float, turn: float) -> bool:
+        return distance <= self._task.tolerance and turn <= self._task.heading_tolerance
 
     @property
     def _stands(self) -> bool:
-        """Whether the last command asks for hardly any motion."""
-        v, omega, vy = self._wanted
-        return (
-            math.hypot(v, vy) * STANDING <= self._task.tolerance
-            and abs(omega) * STANDING <= self._task.heading_tolerance
-        )
+        """Whether the last command leaves the robot within the tolerance of the goal."""
+        (distance, turn), (v, omega, vy) = self.errors(), self._wanted
+        return self._is_there(distance + math.hypot(v, vy) * STANDING, turn + abs(omega) * STANDING)
 
     @property
     def arrived(self) -> bool:
@@ -273,12 +271,14 @@ class Navigator:
     def _judge(self, state: State, circles: Circles, now: float) -> None:
         before, self._last = self._last, state
         self.clearance = min(self.clearance, self._least_gap(before or state, state, circles, now))
-        if not (self.stays and self._stands):
-            self._inside_since = None
-        elif self._inside_since is None:
-            self._inside_since = now
-        elif now - self._inside_since >= self._settle and self.arrived_after is None:
-            self._hold(self._inside_since)
+        since, at = self._inside or (now, state)
+        self._inside = (since, at) if self.stays and self._stands else None
+        if self._inside and now - since >= self._settle and self.arrived_after is None:
+            # an autopilot's estimate goes on for a while after the robot has stopped
+            x, y, turn = 2 * state.x - at.x, 2 * state.y - at.y, 2 * state.theta - at.theta
+            on, self._inside = replace(state, x=x, y=y, theta=turn), (now, state)
+            if self._is_there(*goal_errors(on, self.route.goal)):
+                self._hold(since)
 
     def _hold(self, since: float) -> None:
         """Note that the goal is held since then; go on to the next one, if there is one."""
@@ -288,7 +288,7 @@ class Navigator:
         if self.route.done:
             self.arrived_after = after
             return
-        self._inside_since = None
+        self._inside = None
         self.passed.append(f"{words} held after {after:.1f} s, on to {self.route.words}")
 
     def _least_gap(self, before: State, state: State, circles: Circles, now: float) -> float:

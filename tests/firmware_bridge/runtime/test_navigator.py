@@ -52,6 +52,9 @@ def test_a_robot_that_stands_inside_an_obstacle_is_not_driven_and_says_so():
 def test_only_a_robot_that_stays_has_arrived():
     clock = Clock()
     made = navigator(clock)
+    for k in range(8):  # an EKF's estimate goes on for a while after the stop
+        at(made, clock, 1.0 + 0.009 * k)
+        assert not made.finished()
     for _ in range(8):
         at(made, clock, 1.02)
     assert made.finished()
@@ -67,14 +70,14 @@ def test_only_a_robot_that_stays_has_arrived():
 
 def test_the_goal_must_be_held_with_its_heading_until_time_is_up():
     clock = Clock()
-    made = navigator(clock, command=(0.04, 0.0), seconds=2.0)  # so slow that it counts as standing
+    made = navigator(clock, command=(0.03, 0.0), seconds=2.0)  # from 0.96 it may leave again
     assert made.report()["position_error_m"] is None
-    for x in (0.0, 0.96, 0.96, 0.90, 0.96, 0.97, 1.0, 1.0, 1.0):
+    for x in (0.0, 0.985, 0.985, 0.96, 0.985, 0.99, 1.0, 1.0, 1.0):
         at(made, clock, x)
         assert not made.finished(), x
     at(made, clock, 1.0)
     assert made.finished() and made.report()["arrived_after_s"] == 0.4
-    made = navigator(clock, command=(0.04, 0.0), seconds=2.0)
+    made = navigator(clock, command=(0.03, 0.0), seconds=2.0)
     for _ in range(20):
         at(made, clock, 1.0, theta=0.2 + math.tau)
         assert not made.finished()
@@ -93,12 +96,11 @@ def test_a_navigator_goes_on_only_when_a_goal_is_held(loop: bool) -> None:
 
     def stand(pose, seconds):
         for _ in range(round(seconds / 0.1)):
-            clock.now += 0.1
-            made(State(*pose, 0.0, 0.0, clock()), Moment(driving=True))
+            at(made, clock, *pose)
 
-    stand(GOALS[0], 0.4)
-    assert route.leg == (1, 3), "it only passes"
-    stand((0.5, 0.5, 0.0), 0.4)
+    for goal in (GOALS[0], (0.5, 0.5, 0.0)):
+        stand(goal, 0.4)
+        assert route.leg == (1, 3), "it only passes"
     stand(GOALS[0], 0.7)
     assert route.leg == (2, 3) and len(made.passed) == 1 and not made.arrived
     stand(GOALS[2], 1.0)
@@ -113,12 +115,10 @@ def test_clicked_goals_are_driven_one_after_the_other_until_time_is_up() -> None
     clock, route = Clock(), Route(GOALS[:1], clicked=True)
     task = Task(GOALS[0], 0.05, 0.1, 0.2, lambda t: [], route=route)
     made = Navigator(lambda *_: Planned(0.0, 0.0, "SOLVED"), task, 0.5, 20.0, clock)
-    driving = Moment(driving=True)
 
     def stand(x: float) -> bool:
         for _ in range(10):
-            clock.now += 0.1
-            made(State(x, 0.0, 0.0, 0.0, 0.0, clock.now), driving)
+            at(made, clock, x)
         return made.arrived
 
     assert route.idle and not stand(1.0), "no goal is given yet, wherever it stands"
