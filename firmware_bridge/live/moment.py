@@ -91,7 +91,7 @@ def plan_packet(step: LastStep, goal: Sequence[float]) -> Packet:
     clearance = plan.around.clearance(np.array([step.pose]))
     return {
         "plan": numbers(plan.states),
-        "path": numbers(_thinned_path(step.insight.path)),
+        "path": numbers(_thinned_path(step.insight.path[:, :2])),
         "margins": numbers(step.insight.margins),
         "circles": numbers(nearest_circles(step)),
         "scan": None if scan is None else numbers(_placed(hits(scan, MOST_BEAMS), step.pose)),

@@ -23,7 +23,9 @@ DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
 class Insight:
     """What the controller had in mind beside its plan."""
 
-    path: Array  # (K, 2) points of the path that guidance follows [m]; (0, 2) if there is none
+    path: Array
+    """(K, 3) poses of the path that guidance follows [m, m, rad], with which an exported controller
+    drives along it; (0, 3) if there is none."""
     margins: Array
     """(N,) what stages 1 to N of the plan keep from obstacles beyond the radii [m], in the
     direction in which that is most."""
@@ -41,13 +43,11 @@ def insight(controller: Controller, plan: Plan) -> Insight:
     >>> plan = controller.step((0, 0, 0), goal=(1.5, 1.5, 0), obstacles=[Circle(0.7, 0.7, 0.15)])
     >>> found = insight(controller, plan)
     >>> found.path.shape[1], found.margins.shape
-    (2, (20,))
+    (3, (20,))
     """
-    state, length = controller.state, controller.scale.length
-    guide = state.guide
-    path = np.empty((0, 2))
+    path, guide = np.empty((0, 3)), controller.state.guide
     if guide is not None and guide.path is not None:
-        path = guide.path.points * length
+        path = guide.path.timed.poses * controller.scale.state
     return Insight(path, _margins(controller, plan))
 
 

@@ -42,7 +42,7 @@ def every_kind(scenario: Scenario) -> bytes:
     plan = controller.step(scenario.start, scenario.goal, scenario.obstacles_at(0.0))
     scan = kl.LaserScan([1.0, np.inf, np.nan, 2.0], 0.5, 0.1, range_max=4.0)
     margins, circles = np.full(20, 0.05), scenario.circles_at(0.0)
-    path = np.array([[0.0, 0.0], [1.0, 0.1]])
+    path = np.array([[0.0, 0.0, 0.1], [1.0, 0.1, 0.1]])
     encoder = DriveEncoder(scenario, 0.1, {"kind": "driven"}, offset=1.7e9)
     pose = (0.0, 0.0, 3.0)
     records = [

@@ -97,7 +97,7 @@ class DriveEncoder:
         yield "/plan", foxglove.poses_in_frame(now, _finite(plan.states[::stride]).tolist())
         if not np.array_equal(record.path, self._path):
             self._path = record.path
-            poses = _along(record.path[:: max(1, -(-len(record.path) // POINTS))])
+            poses = record.path[:: max(1, -(-len(record.path) // POINTS))]
             yield "/path", foxglove.poses_in_frame(now, poses.tolist())
         if not np.array_equal(record.circles, self._circles):
             self._circles = record.circles
@@ -163,15 +163,6 @@ def _finite(values: Array) -> Array:
     """Numbers that JSON can hold; a pose that is lost is shown at the origin."""
     out: Array = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
     return out
-
-
-def _along(points: Array) -> Array:
-    """Poses (K, 3) along points (K, 2)."""
-    if len(points) < 2:
-        return np.column_stack([points, np.zeros(len(points))])
-    steps = np.diff(points, axis=0)
-    headings = np.arctan2(steps[:, 1], steps[:, 0])
-    return np.column_stack([points, np.append(headings, headings[-1:])])
 
 
 def _plain(values: Any) -> dict[str, Any]:

@@ -127,7 +127,7 @@ class Stepped(NamedTuple):
     time: float  # when the step began [s]
     pose: tuple[float, float, float]  # what it planned from
     plan: Plan
-    path: Array  # (K, 2) that guidance follows [m]
+    path: Array  # (K, 3) that guidance follows [m, m, rad]
     margins: Array  # (N,) of the stages of the plan [m]
     circles: Array  # (M, 5) obstacles: x, y, radius [m], vx, vy [m/s]
     pose_age: float | None = None  # age of the pose when the step began [s]

@@ -57,7 +57,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
         if k == 12:
             plan = replace(plan, status=kl.PlanStatus.FALLBACK, reason=HOSTILE)
         scan = kl.LaserScan([1.0, np.inf, 0.8], angle_min=0.0, angle_increment=0.5, range_max=4.0)
-        path = np.array([[0.0, 0.0], [0.5, 0.1 + (k > 10)], [1.2, 0.1]])
+        path = np.array([[0.0, 0.0, 0.0], [0.5, 0.1 + (k > 10), 0.0], [1.2, 0.1, 0.0]])
         margins = np.linspace(0.05, 0.1, 20)
         records += [
             PoseSeen(time - 0.02, place),

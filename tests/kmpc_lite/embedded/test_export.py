@@ -16,6 +16,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.cli.main import main
+from kmpc_lite.control.insight import insight
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary
 from kmpc_lite.model.noise_model import NoiseModel
@@ -171,12 +172,11 @@ def test_float_is_float_and_loses_little(tmp_path):
 
 def test_a_path_is_followed_past_circles(export):
     model = CASES["nominal"][0]
-    robot = kl.CompiledController(export(model, kl.NavigationProblem(**AREA)))
+    python = kl.Controller(model, kl.NavigationProblem(**AREA))
+    robot = kl.CompiledController(export(model, python.problem))
     circles = np.array([(0.8, 0.1, 0.2), (1.4, 0.9, 0.2), (1.6, -0.25, 0.2), (2.2, 0.35, 0.25)])
     still = np.column_stack([circles, np.zeros((4, 2))])
-    path = [(0, 0, 0.65), (0.9, 0.55, 0.65), (0.9, 0.55, -0.2), (1.5, 0.4, -0.2)]
-    path += [(1.9, 0.0, -0.6), (2.2, -0.2, 0.0), (2.9, -0.1, 0.1), (3.0, 0.0, 0.0)]
-    robot.set_path(path)
+    robot.set_path(path := insight(python, python.step((0, 0, 0.65), (3, 0, 0), still)).path)
     pose, clearance = np.array([0.0, 0.0, 4 * np.pi]), np.inf
     for k in range(280):
         pose = model.predict(pose, robot.step(pose, path[-1], still).command)
