@@ -85,11 +85,14 @@ def _thresholds(path: Path, fields: dict[str, str]) -> tuple[float, float]:
 
 def _image(path: Path, name: str) -> Path:
     """Path of a map's image, which lies in the map's folder or below: a map reads nothing else."""
-    image = path.parent / name
+    own, beside = path.parent / name, path.parent / Path(name).name
+    image = beside if Path(name).is_absolute() and beside.is_file() else own
     if "\0" in name or not image.resolve().is_relative_to(path.parent.resolve()):
         raise ProblemError(
             f"{path}: image: expected a file in the map's own folder, got {name!r:.80}"
         )
+    if image.resolve() != own.resolve():  # map_saver writes all of the path that it was given
+        warnings.warn(f"{path}: image: {beside.name} beside it is read, not {own}", stacklevel=2)
     return image
 
 
@@ -102,14 +105,10 @@ def _fields(text: str) -> dict[str, str]:
     )
     joined = re.sub(
         r"(?m)^(\w+):\s*\n((?:\s*-\s+\S+\s*\n?)+)",
-        lambda found: f"{found[1]}: {_listed(found[2])}\n",
+        lambda found: f"{found[1]}: [" + ", ".join(re.findall(r"-\s+(\S+)", found[2])) + "]\n",
         joined,
     )
     return {key: value.strip() for key, value in re.findall(r"(?m)^(\w+):[ \t]*(.*)$", joined)}
-
-
-def _listed(block: str) -> str:
-    return "[" + ", ".join(re.findall(r"-\s+(\S+)", block)) + "]"
 
 
 def _number(path: Path, key: str, value: str) -> float:
@@ -133,7 +132,8 @@ def _read_pgm(path: Path, most_cells: int) -> tuple[NDArray[Any], int]:
     content = _read(path, MOST_HEADER_BYTES + 4 * most_cells)
     header = HEADER.match(content, 0, MOST_HEADER_BYTES)
     if header is None:
-        raise ProblemError(f"{path}: expected a PGM image (P5 or P2); convert other formats first")
+        told = f"`convert {path.name} {path.stem}.pgm` makes one" if content else "it is empty"
+        raise ProblemError(f"{path}: expected a PGM image (P5 or P2); {told}")
     kind, width, height, white = header[1], *(int(v) for v in header.groups()[1:])
     if not (0 < white < 65536 and 0 < width * height <= most_cells):
         raise ProblemError(

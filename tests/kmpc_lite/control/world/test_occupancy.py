@@ -97,20 +97,17 @@ def test_map_server_files_are_read_with_their_highest_row_first(tmp_path: Path) 
         [True, False, False],
     ]
     # plain images, 16 bits, negated brightness and lists in YAML's block form say the same
-    block = YAML.replace("[-1.0, -2.0, 0.0]", "\n  - -1.0\n  - -2.0\n  - 0.0").replace(
-        "negate: 0", "negate: 1  # dark is free"
-    )
-    assert (
-        kl.OccupancyGrid.load(
-            write(tmp_path, block, b"P2 3 2 100 100 0 0\n0 0 20"), unknown_is_free=True
-        )
-        == grid
-    )
+    block = YAML.replace("[-1.0, -2.0, 0.0]", "\n  - -1.0\n  - -2.0\n  - 0.0")
+    block = block.replace("negate: 0", "negate: 1  # dark is free")
+    plain = write(tmp_path, block, b"P2 3 2 100 100 0 0\n0 0 20")
+    assert kl.OccupancyGrid.load(plain, unknown_is_free=True) == grid
     deep = np.array([0, 65278, 65278, 65278, 65278, 52685], dtype=">u2").tobytes()
-    assert (
-        kl.OccupancyGrid.load(write(tmp_path, YAML, b"P5 3 2 65535\n" + deep), unknown_is_free=True)
-        == grid
-    )
+    deep_map = write(tmp_path, YAML, b"P5 3 2 65535\n" + deep)
+    assert kl.OccupancyGrid.load(deep_map, unknown_is_free=True) == grid
+    # map_saver writes the whole path that it was given
+    moved = write(tmp_path, YAML.replace("map.pgm", "/home/me/map.pgm"))
+    with pytest.warns(UserWarning, match="map.pgm beside it is read, not /home/me/map.pgm"):
+        assert kl.OccupancyGrid.load(moved, unknown_is_free=True) == grid
 
 
 @pytest.mark.parametrize(
