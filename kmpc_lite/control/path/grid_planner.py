@@ -378,11 +378,11 @@ def same_side(route: Route, path: GeometricPath, landmarks: Array) -> bool:
 def way_out(request: PathRequest) -> Array | None:
     """Pose (3,) to which a round robot deep in a margin drives first; None if it is not.
 
-    It lies straight ahead or behind once the robot has turned.
+    It lies straight ahead or behind once it has turned. After lost time touching nearly counts.
     """
     start, needed = request.start, request.inflation + OUTSIDE
     around = float(request.distances(start[None, :2])[0])
-    if request.inflation - around <= DEEP:
+    if request.inflation - around <= (-LEAST_CLEARANCE if request.tried else DEEP):
         return None
     courses = start[2] + math.tau / OUTWARDS * np.arange(OUTWARDS)
     lengths = (FARTHER * (needed - around))[:, None]
