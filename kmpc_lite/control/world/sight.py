@@ -30,9 +30,6 @@ from kmpc_lite.types import Array
 
 NONE_MOVING = np.empty((0, COLUMNS))
 CELL_NOISE = 2.0  # least side of a cell, as a multiple of the standard deviation of the ranges
-MAP_REACH = 2.0
-"""Distance to the map's edge from its middle, as a multiple of the scanner's reach, where the map
-does not hold the whole area."""
 FREE_DISTANCE = 20.0
 """How far from the scanner cells are noted as seen to be free [radii]; beyond, only what stood
 there before and is gone."""
@@ -136,11 +133,9 @@ class Sight:
         cell = options.cell * max(1, math.ceil(CELL_NOISE * noise / options.cell))
         low, high = self._area
         low, high = low - self.reach - cell, high + self.reach + cell
-        most = options.most_cells * cell
-        if (high - low <= most).all():
+        half = 0.5 * options.most_cells * cell
+        if (high - low <= 2.0 * half).all():
             return LocalMap.around(low, high, cell, True)
-        reach = max(scan.range_max for scan in scans)
-        half = min(max(MAP_REACH * reach, 2.0 * self.reach), 0.5 * most)
         return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
 
     def _clear(self, here: LocalMap, rays: Rays) -> None:

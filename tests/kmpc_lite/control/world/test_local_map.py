@@ -86,18 +86,18 @@ def test_rays_that_pass_through_clear_what_has_gone(far: float) -> None:
     assert state_at(seen, far + 0.001, 0.0) == 0
 
 
-def test_the_map_follows_the_robot_in_bounded_memory() -> None:
-    s, pose = sight(most_cells=100), np.zeros(3)
-    seen = look(s, None, ROUND)
-    shape = seen.state.shape
-    for _ in range(60):
+@pytest.mark.parametrize(("most_cells", "remembers"), [(100, False), (400, True)])
+def test_the_map_follows_the_robot_in_bounded_memory(most_cells: int, remembers: bool) -> None:
+    s, pose = sight(most_cells=most_cells), np.zeros(3)
+    shape = (seen := look(s, None, ROUND)).state.shape
+    for _ in range(95):  # more than twice as far as the scanner reaches
         pose[0] += 0.1
         seen = look(s, seen, ROUND, pose)
-    assert seen.state.shape == shape and max(shape) <= 102
+    assert seen.state.shape == shape and max(shape) <= most_cells + 2
     assert len(seen.trail) <= 64
-    assert max(state_at(seen, 6.98, 0.0), state_at(seen, 7.02, 0.0)) > 0
-    assert state_at(seen, 5.5, 0.0) == 0
-    assert not seen.cells_of(np.zeros((1, 2)))[1].any()
+    assert max(state_at(seen, 10.48, 0.0), state_at(seen, 10.52, 0.0)) > 0
+    assert state_at(seen, 9.0, 0.0) == 0
+    assert seen.cells_of(np.array([(-1.0, 0.0)]))[1].any() == remembers
 
 
 def test_scans_of_the_past_are_seen_from_where_the_robot_was_then() -> None:
