@@ -164,7 +164,7 @@ class GridPlanner:
             known.append(corners.tolist())
             pulled = Line(corners, [around.contact(point, corners) for point in corners[1:-1]])
             looks = look_times(request, corners, self._plan_time)
-            for reverse, share in enumerate((1.0, request.backward_share)):
+            for reverse, share in enumerate((1.0, request.backward[0] / request.forward[0])):
                 if share > 0.0:
                     found = TautStrings(request, around, pulled, bool(reverse))
                     number = 2 * len(known) + reverse

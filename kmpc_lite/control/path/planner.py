@@ -137,11 +137,6 @@ class PathRequest:
     unit: float = 1.0
     """One unit of the solids' lengths [m]."""
 
-    @property
-    def backward_share(self) -> float:
-        """Speed backwards as a share of the speed ahead."""
-        return float(self.backward[0]) / float(self.forward[0])
-
     def distances(self, points: Array) -> Array:
         """Distances (n,) of points (n, 2) from the nearest circle or solid [m]; inside below 0."""
         coarse = 0.0 if self.known is None else self.known.coarseness

@@ -6,7 +6,6 @@ It is plain data, which copies and pickles. All lengths are in the robot's units
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -163,11 +162,6 @@ class LocalMap:
             return
         self.forgotten = self.clock
         self.state[self.seen < self.clock - memory] = UNKNOWN
-
-    def look_out(self, row: Sequence[float]) -> None:
-        """Note where a scanner looks that has told something now, as of `outlook_of`."""
-        others = self.outlooks[(self.outlooks[:, :4] != row).any(axis=1)]
-        self.outlooks = np.concatenate([others, [[*row, self.clock]]])
 
     def remember_pose(self, pose: Array, most: int) -> None:
         """Remember where the robot (3,) is now."""

@@ -343,12 +343,12 @@ class Boxes:
         """Distances (n,) of points (n, 2) from the nearest rectangle [m], negative inside."""
         return library.box_distances(self.low, self.high, self.grid.to_grid(points))
 
-    def choose(self, points: Array) -> tuple[Array, Array, Array]:
-        """Choose the rectangles that matter at points (n, 2) [m].
+    def choose(self, points: Array, most: int = GRID_COLUMNS) -> tuple[Array, Array, Array]:
+        """Choose the rectangles that matter at points (n, 2) [m], the nearest first.
 
         Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
         """
-        columns, here = min(GRID_COLUMNS, len(self.low)), self.grid.to_grid(points)
+        columns, here = min(most, len(self.low)), self.grid.to_grid(points)
         asked = self.low, self.high, here, self._behind, columns
         chosen, distance, normals = library.nearest_boxes(*asked)
         return chosen, distance, self.grid.turn(normals)

@@ -125,9 +125,8 @@ class Nearby:
         for part in self._parts if len(points) else ():
             rows.append(_look(part, points, None, True))
         for boxes in self._boxes:
-            _, gaps, away = boxes.choose(points)
-            at = np.arange(len(points)), gaps.argmin(axis=1)
-            rows.append(np.column_stack([gaps[at], away[at]]))
+            _, gaps, away = boxes.choose(points, 1)
+            rows.append(np.column_stack([gaps, away[:, 0]]))
         for row in rows:
             np.copyto(found, row, where=row[:, :1] < found[:, :1])
         return found[:, 0], found[:, 1:]

@@ -70,7 +70,6 @@ void kmpc_follow_path(struct kmpc_path *path, const real *pose, const real *past
 
 /* solve.c: at most `most` passes, at least `least` */
 real kmpc_clip(real value, real least, real most);
-real kmpc_nearest_turn(real angle);
 int kmpc_all_within(const real *numbers, int count, real most); /* no NaN either */
 struct kmpc_iterate {
     real states[KMPC_N + 1][3], inputs[KMPC_N][2], duals[KMPC_ROWS];

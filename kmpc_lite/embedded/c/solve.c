@@ -23,12 +23,6 @@ void kmpc_duals_in_the_open(real *duals)
         duals[KMPC_SLACK_ROW + i] = K.slack_dual;
 }
 
-real kmpc_nearest_turn(real angle)
-{
-    const real turn = R(6.28318530717958647692);
-    return turn * M(rint)(angle / turn);
-}
-
 int kmpc_all_within(const real *numbers, int count, real most)
 {
     for (int i = 0; i < count; i++)

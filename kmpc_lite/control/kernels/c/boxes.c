@@ -27,6 +27,13 @@ static real away(const real *low, const real *high, const real *point, real *x, 
     return distance;
 }
 
+/* Whether a rectangle is farther from a point than that, as one of its sides tells. */
+static int is_beyond(const real *low, const real *high, const real *point, real far)
+{
+    return low[0] - point[0] > far || point[0] - high[0] > far || low[1] - point[1] > far ||
+           point[1] - high[1] > far;
+}
+
 void kmpc_box_distances(int boxes, const real *low, const real *high, int count,
                         const real *points, real *least)
 {
@@ -34,6 +41,8 @@ void kmpc_box_distances(int boxes, const real *low, const real *high, int count,
         real x, y;
         least[k] = away(low, high, points + 2 * k, &x, &y);
         for (int i = 1; i < boxes; i++) {
+            if (is_beyond(low + 2 * i, high + 2 * i, points + 2 * k, least[k]))
+                continue;
             const real found = away(low + 2 * i, high + 2 * i, points + 2 * k, &x, &y);
             if (found < least[k])
                 least[k] = found;
@@ -47,14 +56,20 @@ void kmpc_nearest_boxes(int boxes, const real *low, const real *high, int count,
                         real *distance, real *normals)
 {
     for (int k = 0; k < count; k++) {
+        real far = (real)INFINITY;
+        int first = 0;
         for (int i = 0; i < boxes; i++) {
             real *found = room + 4 * i;
+            if (columns == 1 && is_beyond(low + 2 * i, high + 2 * i, points + 2 * k, far))
+                continue;
             found[0] = away(low + 2 * i, high + 2 * i, points + 2 * k, found + 1, found + 2);
             found[3] = 1;
+            first = found[0] < far ? i : first;
+            far = room[4 * first];
         }
         for (int j = 0; j < columns; j++, chosen++, distance++, normals += 2) {
-            int nearest = columns == boxes ? j : 0;
-            for (int i = 0; i < boxes && columns != boxes; i++)
+            int nearest = columns == boxes ? j : j ? 0 : first;
+            for (int i = 0; i < boxes && j && columns != boxes; i++)
                 if (room[4 * i + 3] > 0 &&
                     (!(room[4 * nearest + 3] > 0) || room[4 * i] < room[4 * nearest]))
                     nearest = i;
@@ -64,7 +79,7 @@ void kmpc_nearest_boxes(int boxes, const real *low, const real *high, int count,
             *distance = near;
             normals[0] = x;
             normals[1] = y;
-            for (int i = 0; i < boxes; i++) /* behind its half-plane, itself included */
+            for (int i = 0; i < boxes && columns > 1; i++) /* behind its half-plane, or itself */
                 if (room[4 * i + 1] * x + room[4 * i + 2] * y >= near - behind)
                     room[4 * i + 3] = 0;
         }

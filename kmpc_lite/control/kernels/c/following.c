@@ -5,19 +5,9 @@
 #include <string.h>
 
 static const real TURN_LENGTH = R(0.3), BACK = R(0.5), AHEAD = R(1.5), GOAL_STRETCH = R(0.5);
-static const real TURN = R(6.283185307179586);
+static const real TURN = R(6.28318530717958647692);
 
-static real least_of(real a, real b)
-{
-    return b < a ? b : a;
-}
-
-static real most_of(real a, real b)
-{
-    return b > a ? b : a;
-}
-
-static real nearest_turn(real angle)
+real kmpc_nearest_turn(real angle)
 {
     return TURN * M(rint)(angle / TURN);
 }
@@ -56,15 +46,15 @@ real kmpc_leg_end(const struct kmpc_timed *path, real begin)
 void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, real least,
                  real *found)
 {
-    const real last = most_of(place, least), duration = path->time[path->poses - 1];
-    const real from = most_of(place - BACK, least), to = least_of(last + AHEAD, kmpc_leg_end(path, least));
+    const real last = M(fmax)(place, least), duration = path->time[path->poses - 1];
+    const real from = M(fmax)(place - BACK, least), to = M(fmin)(last + AHEAD, kmpc_leg_end(path, least));
     const long begin = (long)(from / path->step) + (path->cusps > 0);
     const long end = (long)(to / path->step) + 2;
     real at[3], best = INFINITY;
-    kmpc_pose_at(path, least_of((real)(long)(last / path->step) * path->step, duration), at);
-    const real heading = pose[2] - nearest_turn(pose[2] - at[2]);
+    kmpc_pose_at(path, M(fmin)((real)(long)(last / path->step) * path->step, duration), at);
+    const real heading = pose[2] - kmpc_nearest_turn(pose[2] - at[2]);
     for (long i = begin; i == begin || i < end; i++) {
-        const real time = least_of(path->step * (real)i, duration);
+        const real time = M(fmin)(path->step * (real)i, duration);
         kmpc_pose_at(path, time, at);
         const real x = at[0] - pose[0], y = at[1] - pose[1];
         const real turn = TURN_LENGTH * (at[2] - heading), square = x * x + y * y + turn * turn;
@@ -81,14 +71,14 @@ void kmpc_locate(const struct kmpc_timed *path, const real *pose, real place, re
 /* The time on the path of a robot that drives on from a place, braking where its leg ends. */
 static real time_after(const struct kmpc_timed *path, real place, real leg, real later)
 {
-    const real end = least_of(kmpc_leg_end(path, leg), path->time[path->poses - 2]), left = end - place;
+    const real end = M(fmin)(kmpc_leg_end(path, leg), path->time[path->poses - 2]), left = end - place;
     const real half = R(0.5) * path->braking;
     if (left <= 0 || path->braking == 0) /* evenly */
         return place + later;
-    const real root = M(sqrt)(least_of(left, half)), rate = 1 / M(sqrt)(2 * path->braking);
-    const real slowed = later - most_of(left - half, 0), rest = most_of(root - rate * slowed, 0);
+    const real root = M(sqrt)(M(fmin)(left, half)), rate = 1 / M(sqrt)(2 * path->braking);
+    const real slowed = later - M(fmax)(left - half, 0), rest = M(fmax)(root - rate * slowed, 0);
     const real time = slowed <= 0 ? place + later : end - rest * rest;
-    return time + most_of(slowed - root / rate, 0);
+    return time + M(fmax)(slowed - root / rate, 0);
 }
 
 void kmpc_along_path(const struct kmpc_timed *path, int count, const real *later, real place,
@@ -97,12 +87,12 @@ void kmpc_along_path(const struct kmpc_timed *path, int count, const real *later
     const real drive_end = path->time[path->poses - 2], leg_ends = kmpc_leg_end(path, leg);
     real here[3];
     kmpc_pose_at(path, place, here);
-    const real turns = nearest_turn(heading - here[2]);
+    const real turns = kmpc_nearest_turn(heading - here[2]);
     for (int k = 0; k < count; k++, states += 3) {
         real time = turning ? place + later[k] : time_after(path, place, leg, later[k]);
         if (!turning && place > drive_end - GOAL_STRETCH)
-            time = least_of(time, drive_end);
-        kmpc_pose_at(path, least_of(time, leg_ends), states);
+            time = M(fmin)(time, drive_end);
+        kmpc_pose_at(path, M(fmin)(time, leg_ends), states);
         states[2] += turns;
     }
 }

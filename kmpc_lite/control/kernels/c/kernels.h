@@ -209,6 +209,7 @@ struct kmpc_timed {
     real step, braking; /* time between places that are looked at; of braking at the end */
 };
 
+real kmpc_nearest_turn(real angle);
 void kmpc_pose_at(const struct kmpc_timed *path, real time, real *pose);
 real kmpc_leg_end(const struct kmpc_timed *path, real begin);
 /* `found` holds the time of the pose that is nearest, and the distance from it. */
