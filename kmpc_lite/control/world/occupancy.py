@@ -344,7 +344,7 @@ class Boxes:
         return library.box_distances(self.low, self.high, self.grid.to_grid(points))
 
     def choose(self, points: Array, most: int = GRID_COLUMNS) -> tuple[Array, Array, Array]:
-        """Choose the rectangles that matter at points (n, 2) [m], the nearest first.
+        """Choose the rectangles that matter at points (n, 2) [m]; where but one is, the nearest.
 
         Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
         """
