@@ -276,8 +276,8 @@ class Navigator:
         if self._inside and now - since >= self._settle and self.arrived_after is None:
             # an autopilot's estimate goes on for a while after the robot has stopped
             x, y, turn = 2 * state.x - at.x, 2 * state.y - at.y, 2 * state.theta - at.theta
-            on, self._inside = replace(state, x=x, y=y, theta=turn), (now, state)
-            if self._is_there(*goal_errors(on, self.route.goal)):
+            ahead, self._inside = replace(state, x=x, y=y, theta=turn), (now, state)
+            if self._is_there(*goal_errors(ahead, self.route.goal)):
                 self._hold(since)
 
     def _hold(self, since: float) -> None:

@@ -23,9 +23,7 @@ DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
 class Insight:
     """What the controller had in mind beside its plan."""
 
-    path: Array
-    """(K, 3) poses of the path that guidance follows [m, m, rad], with which an exported controller
-    drives along it; (0, 3) if there is none."""
+    path: Array  # (K, 3) poses that guidance follows [m, m, rad]; (0, 3) if there is no path
     margins: Array
     """(N,) what stages 1 to N of the plan keep from obstacles beyond the radii [m], in the
     direction in which that is most."""

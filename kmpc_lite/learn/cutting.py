@@ -101,7 +101,7 @@ def period_of(log: Log) -> float:
     steps = np.diff(time)
     if not (steps > 0.0).any():
         raise DataError(f"{log.name}: the time of its poses does not grow")
-    return _tidy(float(np.median(steps[steps > 0.0])), 2.0 * np.spacing(np.abs(time).max()))
+    return _tidy(float(np.median(steps[steps > 0.0])), time)
 
 
 def model_period(log: Log) -> float:
@@ -109,12 +109,12 @@ def model_period(log: Log) -> float:
     return max(SHORTEST_PERIOD, period_of(log))
 
 
-def _tidy(period: float, resolution: float) -> float:
-    """Round a period to what the time stamps can tell, their resolution [s].
+def _tidy(period: float, time: Array, pieces: float = 1.0) -> float:
+    """Round a period [s] to what its time stamps can tell, in so many pieces of a step.
 
     With stamps that count from 1970 it is 0.05 s rather than 0.0499999523 s.
     """
-    tolerance = max(1e-9 * period, resolution)
+    tolerance = max(1e-9 * period, 2.0 * pieces * float(np.spacing(np.abs(time).max())))
     candidates = (round(period, digits) for digits in range(16))
     return next((c for c in candidates if c > 0.0 and abs(c - period) <= tolerance), period)
 
@@ -135,7 +135,7 @@ def _even_period(log: Log, whole: Array) -> float:
                         "give dt= (--dt) to resample")  # fmt: skip
     # the mean over a piece is known better than one step, by as many times as it has steps
     pieces = (1.0 + float((~whole).sum())) / float(whole.sum())
-    return _tidy(mean, 2.0 * np.spacing(np.abs(log.poses.time).max()) * pieces)
+    return _tidy(mean, log.poses.time, pieces)
 
 
 def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Episode]:

@@ -6,6 +6,7 @@ It is plain data, which copies and pickles. All lengths are in the robot's units
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -163,8 +164,11 @@ class LocalMap:
         self.forgotten = self.clock
         self.state[self.seen < self.clock - memory] = UNKNOWN
 
-    def remember_pose(self, pose: Array, most: int) -> None:
-        """Remember where the robot (3,) is now."""
+    def remember(self, pose: Array, most: int, looks: Iterable[Sequence[float]]) -> None:
+        """Remember where the robot (3,) is now, and where scanners look that tell something."""
+        for look in looks:
+            others = self.outlooks[(self.outlooks[:, :4] != look).any(axis=1)]
+            self.outlooks = np.concatenate([others, [[*look, self.clock]]])
         row = np.array([[self.clock, *pose.tolist()]])
         self.trail = np.concatenate([self.trail[-(most - 1) :], row])
 

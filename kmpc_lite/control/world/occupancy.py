@@ -348,7 +348,7 @@ class Boxes:
 
         Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
         """
-        columns, here = min(most, len(self.low)), self.grid.to_grid(points)
+        here, columns = self.grid.to_grid(points), min(most, len(self.low))
         asked = self.low, self.high, here, self._behind, columns
         chosen, distance, normals = library.nearest_boxes(*asked)
         return chosen, distance, self.grid.turn(normals)

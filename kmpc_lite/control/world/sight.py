@@ -99,12 +99,9 @@ class Sight:
         here, options = before, self.options
         here.clock += self.period
         here.follow(pose[:2], self.reach)
-        here.remember_pose(pose, TRAIL)
-        here.forget(options.memory, self._blind)
         scans = self.without_robot(scans)
-        for look in filter(None, map(outlook_of, scans)):
-            others = here.outlooks[(here.outlooks[:, :4] != look).any(axis=1)]
-            here.outlooks = np.concatenate([others, [[*look, here.clock]]])
+        here.remember(pose, TRAIL, filter(None, map(outlook_of, scans)))
+        here.forget(options.memory, self._blind)
         rays = list[Rays]()
         for scan in scans:
             taken = pose  # where the robot was then, (3,) or (B, 3)

@@ -176,7 +176,9 @@ def test_a_path_is_followed_past_circles(export):
     robot = kl.CompiledController(export(model, python.problem))
     circles = np.array([(0.8, 0.1, 0.2), (1.4, 0.9, 0.2), (1.6, -0.25, 0.2), (2.2, 0.35, 0.25)])
     still = np.column_stack([circles, np.zeros((4, 2))])
-    robot.set_path(path := insight(python, python.step((0, 0, 0.65), (3, 0, 0), still)).path)
+    path = [(0, 0, 0.65), (0.9, 0.55, 0.65), (0.9, 0.55, -0.2), (1.5, 0.4, -0.2)]
+    path += [(1.9, 0.0, -0.6), (2.2, -0.2, 0.0), (2.9, -0.1, 0.1), (3.0, 0.0, 0.0)]
+    robot.set_path(path)
     pose, clearance = np.array([0.0, 0.0, 4 * np.pi]), np.inf
     for k in range(280):
         pose = model.predict(pose, robot.step(pose, path[-1], still).command)
@@ -192,6 +194,8 @@ def test_a_path_is_followed_past_circles(export):
             robot.set_path(wrong)
     robot.set_path([])
     assert robot.step((0, 0, 0), (-1, 0, 0), ()).command[0] < 0.0  # the goal again
+    robot.set_path(insight(python, python.step((0, 0, 0), (0, 1, 0), still)).path)
+    assert robot.step((0, 0, 0), (0, 1, 0), still).command[1] > 0.1  # it turns to Python's path
 
 
 class Given:
@@ -254,8 +258,7 @@ def test_the_sources_alone_make_a_library(tmp_path):
     sketch.write_text(
         '#include "host.h"\nstatic kmpc_host host;\nint main() { kmpc_host_reset(&host); }\n'
     )
-    objects = tmp_path / "objects"
-    objects.mkdir()
+    (objects := tmp_path / "objects").mkdir()
     ask = ["cc", "-c", "-Werror", "-I", str(folder / "src"), *sources]
     subprocess.run(ask, cwd=objects, check=True)
     if shutil.which("c++"):

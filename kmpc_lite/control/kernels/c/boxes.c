@@ -79,7 +79,7 @@ void kmpc_nearest_boxes(int boxes, const real *low, const real *high, int count,
             *distance = near;
             normals[0] = x;
             normals[1] = y;
-            for (int i = 0; i < boxes && columns > 1; i++) /* behind its half-plane, or itself */
+            for (int i = 0; i < boxes && j + 1 < columns; i++) /* behind its half-plane, or itself */
                 if (room[4 * i + 1] * x + room[4 * i + 2] * y >= near - behind)
                     room[4 * i + 3] = 0;
         }

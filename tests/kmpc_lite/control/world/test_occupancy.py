@@ -58,9 +58,8 @@ def test_rectangles_are_the_occupied_cells_each_once(seed: int) -> None:
     random = np.random.default_rng(seed)
     occupied = random.random(tuple(random.integers(1, 12, 2))) < random.uniform(0.0, 1.0)
     covered = np.zeros(occupied.shape, dtype=int)
-    for x_min, y_min, x_max, y_max in np.rint(kl.OccupancyGrid(occupied, 1.0).rectangles).astype(
-        int
-    ):
+    sides = np.rint(kl.OccupancyGrid(occupied, 1.0).rectangles).astype(int)
+    for x_min, y_min, x_max, y_max in sides:
         covered[y_min:y_max, x_min:x_max] += 1
     np.testing.assert_array_equal(covered, occupied)
 
@@ -92,10 +91,8 @@ def test_map_server_files_are_read_with_their_highest_row_first(tmp_path: Path) 
     assert (grid.resolution, grid.origin) == (0.05, (-1.0, -2.0, 0.0))
     assert grid.occupied.tolist() == [[False, False, False], [True, False, False]]
     assert grid.unknown.tolist() == [[False, False, True], [False, False, False]]
-    assert kl.OccupancyGrid.load(tmp_path / "map.yaml").occupied.tolist() == [
-        [False, False, True],
-        [True, False, False],
-    ]
+    wary = kl.OccupancyGrid.load(tmp_path / "map.yaml")
+    assert wary.occupied.tolist() == [[False, False, True], [True, False, False]]
     # plain images, 16 bits, negated brightness and lists in YAML's block form say the same
     block = YAML.replace("[-1.0, -2.0, 0.0]", "\n  - -1.0\n  - -2.0\n  - 0.0")
     block = block.replace("negate: 0", "negate: 1  # dark is free")
