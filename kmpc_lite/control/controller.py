@@ -13,6 +13,7 @@ from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control import settings as settings_of
 from kmpc_lite.control.clock import StepClock
 from kmpc_lite.control.estimate.history import CommandHistory, LatenessState, whole_age
+from kmpc_lite.control.estimate.innovation import UNKNOWN_INFLATION
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.limits import check_motion, following, movable
 from kmpc_lite.control.nmpc.qp_solvers import DEFAULT_SOLVER, MakeSolver
@@ -290,6 +291,7 @@ class Controller:
             history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
             history.take_over(before)
             state.history, state.trajectory = history, None
+            state.innovation.level = UNKNOWN_INFLATION**2  # up to now the ramps were felt
         self._learn_from(self._learned)  # adaptation took it for gains
 
     def _take_over(self, model: KoopmanModel) -> None:

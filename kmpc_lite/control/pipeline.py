@@ -62,7 +62,7 @@ class Guiding:
 
         A search is left to the next step at a time `until` [s].
         """
-        state, known = now.state, now.known
+        state, known, history = now.state, now.known, now.state.history
         if self._guide is None or state.guide is None or known.capabilities is None:
             return None
         late, things = known.capabilities.late, now.things
@@ -72,22 +72,18 @@ class Guiding:
             if state.trajectory is not None:
                 planned = state.trajectory.inputs[1 : late + 1]
                 going_on[: len(planned)] = planned
-            led = known.model.rollout(now.here, going_on, state.history.commands)
-        here = led[-1]
-        if late:
+            led = known.model.rollout(now.here, going_on, history.commands)
             things = later(things, late * self._dt)
         rest = None
         if late or self._rates.active:
-            history = state.history
             still = np.zeros((known.model.history, known.model.inputs))
             braking = np.concatenate([self._rates.ramp(history.command), still])
             rest = known.model.rollout(now.here, braking, history.commands)[-1]
-        heading, known_rest = float(now.here[2]), rest is not None
-        rolls_on = state.history.brakes(heading, self._deceleration, known_rest)
+        rolls_on = history.brakes(float(now.here[2]), self._deceleration, rest is not None)
         if now.rolls_on is not None:
             rolls_on += now.rolls_on
         task = GuideTask(
-            pose=here,
+            pose=led[-1],
             goal=now.goal,
             rolls_on=rolls_on,
             circles=things,
@@ -95,8 +91,8 @@ class Guiding:
             rest=rest,
             until=until,
             view=now.view,
-            speed=float(speeds(state.history.command)[0]),
-            curvature=state.history.curvature,
+            speed=float(speeds(history.command)[0]),
+            curvature=history.curvature,
             held=now.held,
         )
         guidance = self._guide.reference(state.guide, known.capabilities, task)

@@ -324,7 +324,8 @@ class Lateness:
         changed = False
         for axis, columns in enumerate((slice(0, -1), slice(-1, None))):
             delays, ramps, rest = least[axis]
-            if not self._likelier(state, min(delays, rest), ramps, 0.75):
+            share = 0.75 if state.ramps is None else 0.375  # who ramps speeds ramps turns, too
+            if not self._likelier(state, min(delays, rest), ramps, share):
                 continue
             best = int(state.errors[axis, self._kinds[1] : self._kinds[2]].argmin())
             # told apart to a step: the slower one is safe; and sooner than a delay, for it brakes
