@@ -32,7 +32,7 @@ TOLERATED_TURN, TOLERATED_TURN_SHARE = 5e-3, 0.05
 """Error of the heading in any period [rad], and as a share of the turn."""
 MEMORY, FEWEST = 4.0, 40  # for how long errors count [s], and for how many periods at the least
 EVIDENCE = 12.0  # gain in log-likelihood that another answer must bring
-RAMP_TIMES = np.geomspace(0.25, 6.7, 20)
+RAMP_TIMES = np.geomspace(0.25, 45.0, 31)
 """Times from rest to the fastest command, of robots that follow by ramps [s]."""
 LAGS, GAINS = np.geomspace(0.05, 0.57, 8), np.arange(0.3, 1.0, 0.1)
 """What else may slow it down: time constants [s], and shares of what is commanded."""
@@ -324,7 +324,7 @@ class Lateness:
         changed = False
         for axis, columns in enumerate((slice(0, -1), slice(-1, None))):
             delays, ramps, rest = least[axis]
-            share = 0.75 if state.ramps is None else 0.375  # who ramps speeds ramps turns, too
+            share = 0.5 if state.ramps is None else 0.1  # who ramps speeds ramps turns, too
             if not self._likelier(state, min(delays, rest), ramps, share):
                 continue
             best = int(state.errors[axis, self._kinds[1] : self._kinds[2]].argmin())
