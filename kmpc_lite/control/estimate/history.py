@@ -320,17 +320,17 @@ class Lateness:
         return 0.5 * state.count * math.log(errors / less) > share * EVIDENCE
 
     def _follows(self, state: LatenessState, command: Array, least: list[list[float]]) -> bool:
-        """Whether a ramp explains the motion far better than all else that is known."""
+        """Whether a ramp explains the motion far better than all else; a second axis needs less."""
         changed = False
         for axis, columns in enumerate((slice(0, -1), slice(-1, None))):
             delays, ramps, rest = least[axis]
-            share = 0.5 if state.ramps is None else 0.1  # who ramps speeds ramps turns, too
+            known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
+            share = 0.1 if np.isinf(known[columns]).all() and np.isfinite(known).any() else 0.5
             if not self._likelier(state, min(delays, rest), ramps, share):
                 continue
             best = int(state.errors[axis, self._kinds[1] : self._kinds[2]].argmin())
             # told apart to a step: the slower one is safe; and sooner than a delay, for it brakes
             rates = self._rates[min(best + 1, len(self._rates) - 1), columns]
-            known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
             if (rates < known[columns]).any():
                 known[columns], command[columns] = rates, np.asarray(state.passed)[best, columns]
                 # as of now nothing is known any better
