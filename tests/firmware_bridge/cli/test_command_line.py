@@ -99,7 +99,7 @@ def test_check_says_what_is_missing_and_moves_nothing(desk, capsys):
         assert (
             main(
                 [
-                    *f"check {ROBOTS}/roboclaw.toml --link pty:link --seconds 0.5".split(),
+                    *f"check {ROBOTS}/roboclaw.toml --link pty:link --seconds 2".split(),
                     *PATIENT,
                     "--json",
                 ]
