@@ -33,7 +33,7 @@ TOLERATED_TURN, TOLERATED_TURN_SHARE = 5e-3, 0.05
 MEMORY, FEWEST = 4.0, 40  # for how long errors count [s], and for how many periods at the least
 EVIDENCE = 12.0  # gain in log-likelihood that another answer must bring
 RAMP_TIMES = np.geomspace(0.25, 45.0, 31)
-"""Times from rest to the fastest command, of robots that follow by ramps [s]."""
+"""Times from rest to the fastest command, of robots that follow by ramps [robot's units]."""
 LAGS, GAINS = np.geomspace(0.05, 0.57, 8), np.arange(0.3, 1.0, 0.1)
 """What else may slow it down: time constants [s], and shares of what is commanded."""
 LATEST_ANSWER, LATEST_PERIODS = 0.6, (6, 30)
