@@ -291,7 +291,7 @@ class Controller:
             history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
             history.take_over(before)
             state.history, state.trajectory = history, None
-            state.innovation.level = UNKNOWN_INFLATION**2  # up to now the ramps were felt
+            state.innovation.level = UNKNOWN_INFLATION**2  # hardly known: ramps were felt
         self._learn_from(self._learned)  # adaptation took it for gains
 
     def _take_over(self, model: KoopmanModel) -> None:

@@ -324,13 +324,13 @@ class Lateness:
         changed = False
         for axis, columns in enumerate((slice(0, -1), slice(-1, None))):
             delays, ramps, rest = least[axis]
-            known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
-            share = 0.1 if np.isinf(known[columns]).all() and np.isfinite(known).any() else 0.5
-            if not self._likelier(state, min(delays, rest), ramps, share):
+            second = state.ramps is not None and np.isinf(state.ramps[columns]).all()
+            if not self._likelier(state, min(delays, rest), ramps, 0.1 if second else 0.5):
                 continue
             best = int(state.errors[axis, self._kinds[1] : self._kinds[2]].argmin())
             # told apart to a step: the slower one is safe; and sooner than a delay, for it brakes
             rates = self._rates[min(best + 1, len(self._rates) - 1), columns]
+            known = np.full(len(command), np.inf) if state.ramps is None else state.ramps.copy()
             if (rates < known[columns]).any():
                 known[columns], command[columns] = rates, np.asarray(state.passed)[best, columns]
                 # as of now nothing is known any better
