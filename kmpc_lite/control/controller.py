@@ -7,6 +7,7 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
@@ -15,7 +16,7 @@ from kmpc_lite.control.clock import StepClock
 from kmpc_lite.control.estimate.history import CommandHistory, LatenessState, whole_age
 from kmpc_lite.control.estimate.innovation import UNKNOWN_INFLATION
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
-from kmpc_lite.control.limits import check_motion, following, movable
+from kmpc_lite.control.limits import LONGEST_RAMP, check_motion, following, movable
 from kmpc_lite.control.nmpc.qp_solvers import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.now import Admission
@@ -152,6 +153,9 @@ class Controller:
         options, clock = settings.options, settings.clock
         if ramps is not None:
             told = ramps * self._asked.scale.command / self._asked.scale.time
+            # slower ones would shrink the fastest speed, and with it all units
+            full = np.maximum(-self._asked.u_min, self._asked.u_max)
+            told = np.maximum(told, full / LONGEST_RAMP)
             model = replace(model, info={**model.info, "ramps": Ramps(told, told).as_dict()})
         self.problem = problem = movable(model, self._asked)
         self.scale = scale = problem.scale
@@ -175,7 +179,7 @@ class Controller:
         can_be_stopped = self._sqp.workspace.can_be_stopped
         settings_of.check_budget(settings.time_budget, settings.solver, can_be_stopped)
         guide = make_guide(units, options, clock, settings.planner, scale) if guides else None
-        self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age)
+        self._pipeline = Pipeline(self._asked, units, scale, options, self._sqp, guide, age)
         self._admission = Admission(scale, self._pipeline.scene)
 
     def step(

@@ -163,12 +163,6 @@ class ModelNoise:
         return InflatedNoise(plan, lasting, command, self._learned or inflation > 1.0)
 
 
-def trace(noise: Array) -> tuple[float, float]:
-    """Variance of the position by v^2 and by omega^2, of covariances (2, 9)."""
-    by_speed, by_turn_rate = (noise[:, 0] + noise[:, 4]).tolist()
-    return by_speed, by_turn_rate
-
-
 def default_quantile(risk: float) -> float:
     """Quantile for noise that was never calibrated.
 
@@ -291,7 +285,7 @@ class Margins:
             ),
             widest=self._widest.of(found),
             command=command,
-            position_errors=np.array(trace(command) + trace(lasting)),
+            position_errors=np.concatenate([n[:, 0] + n[:, 4] for n in (command, lasting)]),
             heading_errors=np.concatenate([command[:, HEADING], lasting[:, HEADING]]),
             command_errs=found.spreads or unknown_floor,
             pose_error=self._pose_error,
@@ -394,14 +388,17 @@ class Widest:
         self._noise, self._headway, self._solver_margin = noise, headway, solver_margin
         self.reach = 0.0 if problem.footprint is None else problem.footprint.reach
         """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
-        self._fastest = v, omega = fastest(problem)
+        v, omega = fastest(problem)
+        self._squares = np.array((v * v, omega * omega))
         pose = noise.tube.pose + v**2 * noise.tube.pose_by_speed
         self.pose_variance = float(pose[0, 0] + pose[1, 1])
         """Of a measured position, at full speed, both axes together [m^2]."""
         self._heading_variance = float(pose[2, 2])
-        # for how many periods each heading error leads aside: sum of the squares, and sum
+        # how often each error counts, as it is and as it leads aside; then those that last
         aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, MEMORY + noise.delay + 1)]
-        self._heading_periods = sum(a * a for a in aside), sum(aside)
+        periods, driven = len(aside), (v * noise.dt) ** 2
+        once = periods, driven * sum(a * a for a in aside)
+        self._counts = once, (periods**2, driven * sum(aside) ** 2)
         # what a period at full speed, driving and turning, cuts off
         radius, dt = float(problem.body_radius), noise.dt
         travel = v * dt + self.reach * omega * dt
@@ -409,26 +406,13 @@ class Widest:
 
     def of(self, found: InflatedNoise) -> float:
         """Add up all noise at full speed, taken back by nothing but time."""
-        v, omega = self._fastest
-        noise, plan, lasting = self._noise, found.plan, found.lasting
-        travel, periods = v * noise.dt, MEMORY + noise.delay
-        squares, whole = self._heading_periods
-        by_speed, by_turn_rate = trace(plan)
-        turned = plan.item(0, HEADING) * v * v + plan.item(1, HEADING) * omega * omega
-        turn_variance = periods * turned + self._heading_variance
-        variance = (
-            periods * (v * v * by_speed + omega * omega * by_turn_rate)
-            + travel * travel * turned * squares
-            + self.pose_variance
-        )
-        if noise.lasts:
-            by_speed, by_turn_rate = trace(lasting)
-            turned = lasting.item(0, HEADING) * v * v + lasting.item(1, HEADING) * omega * omega
-            variance += periods**2 * (v * v * by_speed + omega * omega * by_turn_rate)
-            variance += travel * travel * turned * whole**2
-            turn_variance += periods**2 * turned
+        variance, turn_variance = self.pose_variance, self._heading_variance
+        for errors, (periods, aside) in zip((found.plan, found.lasting), self._counts, strict=True):
+            x, y, turned = (self._squares @ errors[:, (0, 4, HEADING)]).tolist()
+            variance += periods * (x + y) + aside * turned
+            turn_variance += periods * turned
         deviation = math.sqrt(variance)
         if self.reach:
             deviation += self.reach * math.sqrt(turn_variance)
-        widest = max(noise.quantile * deviation, self._headway)
+        widest = max(self._noise.quantile * deviation, self._headway)
         return widest + self._chord + self._solver_margin

@@ -284,10 +284,11 @@ class Fallback:
         motions: SafeMotions,
         verification: Verification,
         rates: RateLimit,
+        untold: Array,
         answers: Answers,
     ) -> None:
         self._problem, self._motions, self._verification = problem, motions, verification
-        self._rates, self._answers = rates, answers
+        self._rates, self._untold, self._answers = rates, untold, answers
 
     def stop(self, now: Now, reason: str) -> Plan:
         """Drive the last safe motion on while it is clear, else brake."""
@@ -309,6 +310,10 @@ class Fallback:
         history.remember(command)
         inputs = np.zeros((self._problem.horizon, len(command)))
         inputs[0] = command
+        if state.ramps is not None:
+            # limits that were felt, and not told, are no reason to brake less hard
+            felt = self._untold & np.isfinite(state.ramps)
+            inputs[0, :-1][felt[:-1]] = 0.0
         finite = np.isfinite(now.pose)
         states = np.tile(np.where(finite, now.pose, 0.0), (self._problem.horizon + 1, 1))
         told = reason, GoalProgress.WAITING

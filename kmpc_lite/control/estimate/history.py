@@ -35,9 +35,9 @@ EVIDENCE = 12.0  # gain in log-likelihood that another answer must bring
 RAMP_TIMES = np.geomspace(0.25, 45.0, 31)
 """Times from rest to the fastest command, of robots that follow by ramps [robot's units]."""
 LAGS, GAINS = np.geomspace(0.05, 0.57, 8), np.arange(0.3, 1.0, 0.1)
-"""What else may slow it down: time constants [s], and shares of what is commanded."""
+"""What else may slow it down: time constants [robot's units], and shares of its commands."""
 LATEST_ANSWER, LATEST_PERIODS = 0.6, (6, 30)
-"""How late a robot may answer beyond what is known [s], and in periods from these to those."""
+"""How late it may answer beyond what is known [robot's units], from these to those periods."""
 
 
 def oldest_pose(dt: float) -> float:

@@ -11,7 +11,6 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import Robot, RobotPlant
 from kmpc_lite.control.estimate.history import Lateness, LatenessState
-from kmpc_lite.types import Array
 
 MODEL = kl.nominal_unicycle(0.1)
 KEPT = 20
@@ -19,18 +18,15 @@ KEPT = 20
 
 def found(late: int, turns_late: int = -1, gain=1.0, noise=0.0, age=0.0) -> list[int]:
     """Periods found at each step of a robot that drives and turns so late, at random commands."""
-    random, state = np.random.default_rng(3), LatenessState()
-    lateness = Lateness(kl.NavigationProblem(), age)
+    random = np.random.default_rng(3)
+    state, lateness = LatenessState(), Lateness(kl.NavigationProblem(), age)
     held = random.uniform((-0.3, -0.7), (0.6, 0.7), (30, 2)).repeat(4, axis=0)
     given = np.concatenate([np.zeros((KEPT, 2)), held])
     turns_late = late if turns_late < 0 else turns_late
-    pose: Array = np.zeros(3)
-    out = []
+    pose, out = np.zeros(3), list[int]()
     for k in range(KEPT, len(given)):
-        command = np.array((given[k - late, 0], gain * given[k - turns_late, 1]))
-        pose = MODEL.predict(pose, command)
-        seen = pose + noise * random.normal(size=3)
-        lateness.see(state, MODEL, given[: k + 1], seen)
+        pose = MODEL.predict(pose, (given[k - late, 0], gain * given[k - turns_late, 1]))
+        lateness.see(state, MODEL, given[: k + 1], pose + noise * random.normal(size=3))
         out.append(state.found.min())
     return out
 
@@ -41,23 +37,14 @@ def test_a_delay_is_found_and_kept(late: int) -> None:
         assert set(found(late, gain=gain, noise=0.002)[60:]) == {late}
 
 
-def test_noise_is_no_delay() -> None:
+def test_the_shorter_delay_counts_and_neither_noise_nor_a_known_age_is_one() -> None:
     assert set(found(0, noise=0.01)) == {0}
+    assert (found(4, turns_late=2)[-1], found(1, turns_late=3)[-1]) == (2, 1)
+    # of a pose that is two periods old, only what is beyond them is news
+    assert (found(2, age=0.2)[-1], found(3, age=0.2)[-1]) == (0, 1)
 
 
-def test_of_two_delays_the_shorter_counts() -> None:
-    assert found(4, turns_late=2)[-1] == 2
-    assert found(1, turns_late=3)[-1] == 1
-
-
-def test_a_known_age_is_not_found_again() -> None:
-    """Of a pose that is two periods old, only what is beyond them is news."""
-    assert found(2, age=0.2)[-1] == 0
-    assert found(3, age=0.2)[-1] == 1
-
-
-def test_missing_poses_tell_nothing() -> None:
-    """Nor do those after them, which show more than one period."""
+def test_missing_poses_tell_nothing_nor_do_those_after_them() -> None:
     state, lateness = LatenessState(), Lateness(kl.NavigationProblem(), 0.0)
     given = np.random.default_rng(0).uniform(0.1, 0.5, (KEPT, 2))
     for pose in (np.zeros(3), None, np.ones(3), None):
@@ -88,6 +75,18 @@ def test_ramps_that_nobody_told_of_are_found_within_two_seconds() -> None:
         np.testing.assert_array_equal(one, other)
         controller.reset()
         assert np.isinf(controller.problem.du_max).all()
+
+
+def test_ramps_that_were_felt_change_no_units_and_soften_no_emergency() -> None:
+    robot = Robot("a minute to full speed", ramps=(60.0, 60.0), turn_ramp=0.01)
+    controller = kl.Controller(MODEL, robot.problem(20.0))
+    plant, pose, scale = RobotPlant(robot, 0), np.zeros(3), controller.scale
+    for _ in range(100):
+        pose = plant.drive(pose, controller.step(pose, (3.0, 0.0, 0.0)).command)[-1]
+    assert controller.scale == scale and np.isfinite(controller.problem.du_max[0])
+    plan = controller.step(pose, (3.0, 0.0, 0.0), [kl.Circle(pose[0] + 0.301, 0.0, 0.15)])
+    assert plan.status.name == "STOPPED" and not plan.command[0]
+    assert controller.state.history.command[0] > 0.02  # it rolls on
 
 
 def test_a_robot_that_lags_unknown_to_its_model_parks() -> None:
