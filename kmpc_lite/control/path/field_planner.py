@@ -212,8 +212,6 @@ class FieldPlanner:
         self._turn_rate, self._speed, self._cell = tightest, speed, 0.9 * self._step * speed
         self._survey = self._look_around()
         self._quanta = next(self._survey)  # of the survey's part that comes next; none is left at 0
-        self._connects = False
-        """Whether the goal's place can be reached by what is as wide as the outline's core."""
         self._best: tuple[Piece, int] | None = None
         self._is_exhausted = False
         self._line: Line | None = None
@@ -275,11 +273,13 @@ class FieldPlanner:
         yield 2 * PART_QUANTA
         least = radius if arms else radius + self._margin + ATTEMPTS[-1][0] * radius
         sure, _ = grid.free(least)
-        # a cell is free if a point in it may be
-        free = sure | (grid.distance >= radius - 0.7 * grid.step)
-        ways = Way(free, np.where(sure, 1.0, DOUBTED), grid.step, grid.node(request.start))
-        self._grid, self._from_start = grid, ways.cost
-        self._connects = bool(np.isfinite(ways.cost[grid.node(request.goal)]))
+        # a cell is free if a point in it may be; if there is a way, none leads through thin walls
+        step, costs = grid.step, np.where(sure, 1.0, DOUBTED)
+        for nearest in (max(radius - 0.7 * step, 0.5 * step), radius - 0.7 * step):
+            ways = Way(sure | (grid.distance >= nearest), costs, step, grid.node(request.start))
+            if connects := bool(np.isfinite(ways.cost[grid.node(request.goal)])):
+                break
+        self._grid, self._from_start, self._connects = grid, ways.cost, connects
 
     def _time_to(self, end: Array, poses: Array) -> tuple[Array, Array]:
         """Least time (...) from poses (..., 3) to start or goal [s], and whether there is a way.
