@@ -249,8 +249,8 @@ class Pipeline:
         motions = SafeMotions(units, options.stop)
         self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
-        may = self._verification, self._rates, np.isinf(problem.du_max)
-        self.fallback = Fallback(units, motions, *may, self._answers)
+        untold = np.isinf(problem.du_max)  # axes whose ramps nobody told
+        self.fallback = Fallback(units, motions, self._verification, untold, self._answers)
         unit = unit_length(units)
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
         reach += REACH_BEYOND_PLAN * unit

@@ -283,12 +283,11 @@ class Fallback:
         problem: NavigationProblem,
         motions: SafeMotions,
         verification: Verification,
-        rates: RateLimit,
         untold: Array,
         answers: Answers,
     ) -> None:
         self._problem, self._motions, self._verification = problem, motions, verification
-        self._rates, self._untold, self._answers = rates, untold, answers
+        self._rates, self._untold, self._answers = RateLimit(problem), untold, answers
 
     def stop(self, now: Now, reason: str) -> Plan:
         """Drive the last safe motion on while it is clear, else brake."""

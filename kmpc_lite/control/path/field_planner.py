@@ -68,9 +68,7 @@ class PoseTree:
 
     def _whole_of(self, poses: Array) -> Array:
         """Numbers (n,) of the cells of poses (n, 3), of any gear, and before they are halved."""
-        return self._key_of(
-            poses, np.zeros(len(poses), dtype=np.int8), np.zeros(len(poses), dtype=int)
-        )
+        return self._key_of(poses, *np.zeros((2, len(poses)), dtype=int))
 
     def beside(self, poses: Array) -> list[Array]:
         """Nodes, newest first, in the cells of poses (n, 3)."""
@@ -267,17 +265,21 @@ class FieldPlanner:
         request, radius = self._request, self._radius
         arms = float(np.hypot(request.outline[:, 0], request.outline[:, 1]).max())
         border, apart = BORDER * (radius + arms), math.dist(request.start[:2], request.goal[:2])
-        extent = Extent(CELL * radius, 4.0 * border + apart, border)
-        grid = DistanceGrid(request, extent, self._maps.of(request.solids, extent.step))
-        yield from grid.see(width=8, least=2)
-        yield 2 * PART_QUANTA
         least = radius if arms else radius + self._margin + ATTEMPTS[-1][0] * radius
-        sure, _ = grid.free(least)
-        # a cell is free if a point in it may be; if there is a way, none leads through thin walls
-        step, costs = grid.step, np.where(sure, 1.0, DOUBTED)
-        for nearest in (max(radius - 0.7 * step, 0.5 * step), radius - 0.7 * step):
-            ways = Way(sure | (grid.distance >= nearest), costs, step, grid.node(request.start))
-            if connects := bool(np.isfinite(ways.cost[grid.node(request.goal)])):
+        fields = self._maps.of(request.solids, CELL * radius)
+        for around in (4.0 * border + apart, math.inf):
+            grid = DistanceGrid(request, Extent(CELL * radius, around, border), fields)
+            yield from grid.see(width=8, least=2)
+            yield 2 * PART_QUANTA
+            (sure, _), last = grid.free(least), grid.is_whole or around == math.inf
+            costs, loose = np.where(sure, 1.0, DOUBTED), radius - 0.7 * grid.step
+            # a cell is free if a point in it may be; if there is a way, none leads through walls
+            for nearest in (max(loose, 0.5 * grid.step), loose)[: 1 + last]:
+                free, start = sure | (grid.distance >= nearest), grid.node(request.start)
+                ways = Way(free, costs, grid.step, start)
+                if connects := bool(np.isfinite(ways.cost[grid.node(request.goal)])):
+                    break
+            if connects or last:
                 break
         self._grid, self._from_start, self._connects = grid, ways.cost, connects
 
@@ -412,8 +414,7 @@ class FieldPlanner:
         if self._best is None:
             self._found = self._reason()
             return
-        way, node = self._best
-        tree = self._tree
+        (way, node), tree = self._best, self._tree
         ends = tree.line_of(node)
         chosen = np.unique(np.linspace(0, len(ends), min(len(ends) + 1, KNOTS)).round().astype(int))
         nodes = np.append(ends, 0)[chosen]

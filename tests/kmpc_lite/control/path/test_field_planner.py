@@ -45,12 +45,12 @@ def between(path, count=8):
     return np.stack([np.interp(fine, grid, column) for column in path.poses.T], axis=1)
 
 
-def test_around_a_wall_that_is_thinner_than_the_cells_of_the_search():
+@pytest.mark.parametrize("footprint", [CART, None])
+def test_out_of_a_room_whose_walls_are_thinner_than_cells_and_longer_than_usual(footprint):
     room = [(-10, 0, 9, 0), (-10, 0, -10, 20), (10, 0, 10, 20), (-10, 20, 10, 20)]
     walls = [kl.Wall(*ends, 0.05) for ends in room]
-    asked = request((0.0, 0.8, 0.0), (0.0, -0.8, 0.0), (), walls, CART, area=60.0)
-    path = search(CAR, asked, replace(PROBLEM, footprint=CART), 50)
-    assert isinstance(path, Path) and path.times[-1] < 40.0
+    asked = request((0, 0.8, 0), (0, -0.8, 0), (), walls, footprint, area=60)
+    assert search(CAR, asked, replace(PROBLEM, footprint=footprint), 50).times[-1] < 40.0
 
 
 @pytest.mark.parametrize("wheels", ALL, ids=str)
