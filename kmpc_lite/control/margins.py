@@ -408,7 +408,7 @@ class Widest:
         """Add up all noise at full speed, taken back by nothing but time."""
         variance, turn_variance = self.pose_variance, self._heading_variance
         for errors, (periods, aside) in zip((found.plan, found.lasting), self._counts, strict=True):
-            x, y, turned = (self._squares @ errors[:, (0, 4, HEADING)]).tolist()
+            x, _, _, _, y, _, _, _, turned = (self._squares @ errors).tolist()
             variance += periods * (x + y) + aside * turned
             turn_variance += periods * turned
         deviation = math.sqrt(variance)
