@@ -152,10 +152,10 @@ class Controller:
         settings, model, self._ramps = self._settings, self._given, ramps
         options, clock = settings.options, settings.clock
         if ramps is not None:
-            told = ramps * self._asked.scale.command / self._asked.scale.time
+            known = movable(model, self._asked)  # before they were felt
+            told = ramps * known.scale.command / known.scale.time
             # slower ones would shrink the fastest speed, and with it all units
-            full = np.maximum(-self._asked.u_min, self._asked.u_max)
-            told = np.maximum(told, full / LONGEST_RAMP)
+            told = np.maximum(told, np.maximum(-known.u_min, known.u_max) / LONGEST_RAMP)
             model = replace(model, info={**model.info, "ramps": Ramps(told, told).as_dict()})
         self.problem = problem = movable(model, self._asked)
         self.scale = scale = problem.scale
